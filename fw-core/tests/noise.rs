@@ -102,8 +102,8 @@ impl Ends {
             self.pi.send(&Command::default(), &mut out)
         } else {
             self.reply += 1;
-            self.stm
-                .encode_reply(self.reply, &Report::default(), &mut out)
+            let report = Report::default();
+            self.stm.encode_reply(self.reply, &report, &mut out)
         };
         out[..len].to_vec()
     }

@@ -189,10 +189,8 @@ fn fields_are_sorted_unique_and_described() {
 
 #[test]
 fn byte_beyond_the_last_is_erased() {
-    assert_eq!(
-        [0, 1, 2].map(|at| super::field::byte(&[7], at)),
-        [7, 0xFF, 0xFF]
-    );
+    let bytes = [0, 1, 2].map(|at| super::field::byte(&[7], at));
+    assert_eq!(bytes, [7, 0xFF, 0xFF]);
 }
 
 // Requirement: DOC-6.0.1-1
@@ -201,11 +199,9 @@ fn eeprom_key_any_wrong_byte_rejected() {
     let error = rejection(&Image::BLANK);
     assert_eq!((error.address, error.field()), (0x0000, "EEPROM key"));
     assert_eq!(error.value, FieldValue::Key([0xFF; 10]));
-    assert_eq!(
-        error.to_string(),
-        "EEPROM page 0x00 address 0x00: EEPROM key is FFFFFFFFFFFFFFFFFFFF, \
-         accepted: 15263748596A7B8C9DAE"
-    );
+    let text = "EEPROM page 0x00 address 0x00: EEPROM key is FFFFFFFFFFFFFFFFFFFF, \
+                accepted: 15263748596A7B8C9DAE";
+    assert_eq!(error.to_string(), text);
     for at in 0..KEY.len() {
         let mut image = original_by_hand();
         image.0[at] ^= 0x10;
@@ -242,10 +238,9 @@ layout_version 1 03 address 0x00: layout_version is 1, accepted: 2; run `robot e
     let mut image = Image::FIRST_BOARD;
     image.0[0x0351] ^= 0x80;
     let (sum, found) = (image.checksum(), image.stored_checksum());
-    assert_eq!(
-        rejection(&image).to_string(),
-        std::format!("EEPROM page 0x03 address 0x4E: crc is 0x{found:08X}, accepted: 0x{sum:08X}")
-    );
+    let text = std::format!("crc is 0x{found:08X}, accepted: 0x{sum:08X}");
+    let place = "EEPROM page 0x03 address 0x4E: ";
+    assert_eq!(rejection(&image).to_string(), place.to_string() + &text);
 }
 
 /// An image with every field in play: eight cells, a servo.
@@ -305,10 +300,8 @@ fn field_ends_accepted_and_beyond_rejected() {
         }
         for raw in outside {
             let error = rejection(&eight_cells().with(field, raw));
-            assert_eq!(
-                (error.address, error.field()),
-                (field.address, field.name())
-            );
+            assert_eq!(error.address, field.address, "{error}");
+            assert_eq!(error.field(), field.name());
             assert_eq!(error.value, field.value(raw));
             assert_eq!(error.expected, Expected::Range(*field.accepted));
             assert_eq!(error.page(), (field.address / 256) as u8);
@@ -346,13 +339,12 @@ fn constraints_between_fields_are_checked() {
 // Requirement: WIRE-eeprom-4
 #[test]
 fn dividers_of_unused_taps_hold_anything() {
-    let uppers = FIELDS
-        .iter()
-        .filter(|field| field.name().contains(".upper"));
-    let lowers = FIELDS
-        .iter()
-        .filter(|field| field.name().contains(".lower"));
-    for (upper, lower) in uppers.zip(lowers) {
+    let resistors = |side| {
+        FIELDS
+            .iter()
+            .filter(move |field| field.name().contains(side))
+    };
+    for (upper, lower) in resistors(".upper").zip(resistors(".lower")) {
         for cells in 1..=8 {
             for ohms in [[9900, 100], [9901, 100], [u64::from(u32::MAX); 2], [0, 0]] {
                 let image = eight_cells().with(MODE, 0).with(CELLS, cells);

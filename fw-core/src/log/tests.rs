@@ -22,12 +22,8 @@ pub(crate) fn transmitted<const N: usize>(log: &mut Log<N>) -> String {
 #[test]
 fn line_has_level_counter_text_newline() {
     let mut log: Log = Log::new();
-    log.line(Level::Info, |line| {
-        line.text("boot ").int(-7);
-    });
-    log.line(Level::Warn, |line| {
-        line.text("low");
-    });
+    log.line(Level::Info, |line| _ = line.text("boot ").int(-7));
+    log.line(Level::Warn, |line| _ = line.text("low"));
     log.line(Level::Error, |_| ());
     let lines = "I00000: boot -7\nW00001: low\nE00002: \n";
     assert_eq!(transmitted(&mut log), lines);
@@ -98,11 +94,7 @@ fn text_too_long_ends_in_tilde() {
     assert_eq!(text.len(), 160);
     assert!(text.ends_with("~\n"));
     // A text that just fits is left alone.
-    log.line(Level::Info, |line| {
-        for _ in 0..MAX_LINE - 9 {
-            line.text("x");
-        }
-    });
+    log.line(Level::Info, |line| _ = line.text(&"x".repeat(MAX_LINE - 9)));
     let text = transmitted(&mut log);
     assert_eq!(text.len(), MAX_LINE);
     assert!(text.ends_with("xx\n"));
@@ -113,9 +105,7 @@ fn text_too_long_ends_in_tilde() {
 fn dropped_lines_are_reported_when_room_returns() {
     let mut log = Log::<64>::new();
     for _ in 0..5 {
-        log.line(Level::Info, |line| {
-            line.text("0123456789");
-        });
+        log.line(Level::Info, |line| _ = line.text("0123456789"));
     }
     // 19 bytes each: three fit, two do not.
     assert_eq!(log.dropped(), 2);
@@ -149,9 +139,7 @@ fn sent_beyond_pending_counts_as_all() {
 fn number_beyond_line_end_ends_in_tilde() {
     for (before, written) in [(3, "123"), (2, "1~"), (1, "~"), (0, "~")] {
         let mut line = Line::new();
-        for _ in before..Line::ROOM {
-            line.text("x");
-        }
+        line.text(&"x".repeat(Line::ROOM - before));
         line.decimal(123, 0);
         assert_eq!(line.as_bytes().len(), Line::ROOM, "{before}");
         assert!(line.as_str().ends_with(written), "{before}");

@@ -26,7 +26,7 @@ struct Robot<C = PoseController> {
 }
 
 /// A motion to a target, measured on the model.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Trip {
     /// Until the first arrival; `None` without one.
     seconds: Option<f64>,
@@ -46,6 +46,15 @@ pub(super) fn pose(x: f64, y: f64, degrees: f64) -> Pose {
         x: fixed(x),
         y: fixed(y),
         heading: Turns((degrees.rem_euclid(360.0) / 360.0 * 4_294_967_296.0) as u64 as u32),
+    }
+}
+
+/// The duty of a driven motor, hundredths of a percent.
+#[track_caller]
+pub(super) fn duty(command: MotorCommand) -> i32 {
+    match command {
+        MotorCommand::Run(duty) => duty.hundredths().into(),
+        MotorCommand::Brake | MotorCommand::Coast => panic!("{command:?}"),
     }
 }
 
@@ -114,11 +123,8 @@ impl Robot {
         let length = dx.hypot(dy).max(1e-9);
         self.controller.set_target(pose(x, y, degrees));
         let mut trip = Trip {
-            seconds: None,
-            position: 0.0,
-            rotation: 0.0,
             overshoot: f64::MIN,
-            hunts: 0,
+            ..Trip::default()
         };
         let start = self.world.time_s();
         let mut held = 0;

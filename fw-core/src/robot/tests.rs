@@ -64,18 +64,22 @@ impl Bench {
         }
     }
 
-    /// A tick: the commands of both motors, left first.
-    fn motors(&mut self) -> [MotorCommand; 2] {
-        let outputs = self.tick();
-        [outputs.left, outputs.right]
+    /// A frame, then a tick.
+    fn drive(&mut self, command: &Command) -> TickOutput {
+        self.frame(command);
+        self.tick()
     }
 
     /// Rolls the wheels forward by so many counts: the first board's encoders count down then.
     pub(super) fn roll(&mut self, left: i32, right: i16) {
-        let TickInput {
-            left: l, right: r, ..
-        } = &mut self.sample;
-        (*l, *r) = (l.wrapping_add_signed(-left), r.wrapping_add_signed(-right));
+        self.sample.left = self.sample.left.wrapping_add_signed(-left);
+        self.sample.right = self.sample.right.wrapping_add_signed(-right);
+    }
+
+    /// The echo of the sensor that was triggered in the last tick.
+    fn echo(&mut self, which: RangefinderId, width_us: u32) {
+        let rise = self.sample.now.after(500);
+        self.robot.on_echo(which, rise, rise.after(width_us));
     }
 
     fn raise(&mut self, faults: Faults) {
@@ -133,6 +137,13 @@ fn with_order(order: Order, command: Command) -> Command {
     Command { order, ..command }
 }
 
+pub(super) fn clearing(clear_faults: Faults, command: Command) -> Command {
+    Command {
+        clear_faults,
+        ..command
+    }
+}
+
 fn run(hundredths: i32) -> MotorCommand {
     MotorCommand::Run(Duty::saturating(hundredths))
 }
@@ -140,16 +151,29 @@ fn run(hundredths: i32) -> MotorCommand {
 const COAST: [MotorCommand; 2] = [MotorCommand::Coast; 2];
 const BRAKE: [MotorCommand; 2] = [MotorCommand::Brake; 2];
 
-fn runs(outputs: &TickOutput) -> bool {
+/// The commands of both motors, left first.
+fn motors(outputs: TickOutput) -> [MotorCommand; 2] {
+    [outputs.left, outputs.right]
+}
+
+/// A motor's duty in hundredths of a percent; 0 for one that is not driven.
+fn duty(command: MotorCommand) -> i16 {
+    match command {
+        MotorCommand::Run(duty) => duty.hundredths(),
+        MotorCommand::Brake | MotorCommand::Coast => 0,
+    }
+}
+
+fn runs(outputs: TickOutput) -> bool {
     let is_run = |command| matches!(command, MotorCommand::Run(_));
-    is_run(outputs.left) && is_run(outputs.right)
+    motors(outputs).into_iter().all(is_run)
 }
 
 #[test]
 fn robot_without_frame_coasts() {
     let mut bench = Bench::new(Mode::Normal);
     for _ in 0..1000 {
-        assert_eq!(bench.motors(), COAST);
+        assert_eq!(motors(bench.tick()), COAST);
     }
     assert_eq!(bench.robot.state(), State::Ready);
 }
@@ -158,12 +182,10 @@ fn robot_without_frame_coasts() {
 #[test]
 fn target_without_apply_is_not_driven() {
     let mut bench = Bench::new(Mode::Normal);
+    let apply = false;
     for _ in 0..10 {
-        bench.frame(&Command {
-            apply: false,
-            ..go(1000)
-        });
-        assert_eq!(bench.tick().left, MotorCommand::Coast);
+        let outputs = bench.drive(&Command { apply, ..go(1000) });
+        assert_eq!(outputs.left, MotorCommand::Coast);
     }
 }
 
@@ -176,22 +198,22 @@ fn applied_target_drives_until_silence_brakes() {
     let last = loop {
         let outputs = bench.tick();
         ticks += 1;
-        if !runs(&outputs) {
+        if !runs(outputs) {
             break outputs;
         }
         assert_eq!(bench.robot.state(), State::Moving);
         assert!(ticks <= 25, "still driving after the deadline");
     };
     assert_eq!(ticks, 25, "250 ms");
-    assert_eq!([last.left, last.right], BRAKE);
+    assert_eq!(motors(last), BRAKE);
     assert_eq!(bench.robot.state(), State::Stopped);
     // No reply has carried that state yet.
     assert_eq!(last.leds, leds(State::Stopped));
     let log = bench.log();
     assert!(log.contains("stopped: no fresh frame"));
     assert!(log.contains(": target 1000.000 0.000 mm, 0.00 deg\n"));
-    bench.frame(&go(1000));
-    assert!(runs(&bench.tick()), "resumes, even to the same target");
+    let outputs = bench.drive(&go(1000));
+    assert!(runs(outputs), "resumes, even to the same target");
 }
 
 // Requirement: WIRE-fault-2, WIRE-rejected-4
@@ -208,7 +230,7 @@ fn rejected_frame_does_not_feed_stop_deadline() {
         frame[0] ^= 0xFF;
         bench.receive(&frame[..len], 0);
         frame[0] ^= 0xFF;
-        if !runs(&bench.tick()) {
+        if !runs(bench.tick()) {
             assert_eq!(ticks, 25);
             break;
         }
@@ -288,20 +310,16 @@ fn refreshed_reply_keeps_what_the_transmitter_may_have_fetched() {
 #[test]
 fn guarded_stop_needs_resume_order() {
     let mut bench = Bench::new(Mode::GuardedNormal);
-    bench.frame(&go(1000));
-    assert!(runs(&bench.tick()));
-    bench.frame(&with_order(Order::Stop, go(1000)));
-    assert_eq!(bench.motors(), BRAKE);
-    bench.frame(&go(1000));
-    assert_eq!(bench.motors(), BRAKE, "apply does not resume it");
-    bench.frame(&with_order(Order::Resume, go(1000)));
-    assert!(runs(&bench.tick()));
+    let (stop, resume) = (Order::Stop, Order::Resume);
+    assert!(runs(bench.drive(&go(1000))));
+    assert_eq!(motors(bench.drive(&with_order(stop, go(1000)))), BRAKE);
+    let outputs = bench.drive(&go(1000));
+    assert_eq!(motors(outputs), BRAKE, "apply does not resume it");
+    assert!(runs(bench.drive(&with_order(resume, go(1000)))));
     // A target that comes with the stop is the one to resume.
     let mut bench = Bench::new(Mode::GuardedNormal);
-    bench.frame(&with_order(Order::Stop, go(1000)));
-    assert_eq!(bench.motors(), BRAKE);
-    bench.frame(&with_order(Order::Resume, Command::default()));
-    assert!(runs(&bench.tick()));
+    assert_eq!(motors(bench.drive(&with_order(stop, go(1000)))), BRAKE);
+    assert!(runs(bench.drive(&with_order(resume, Command::default()))));
 }
 
 // Requirement: DOC-5.2.2-2, WIRE-deadline-5, WIRE-log-7
@@ -309,19 +327,18 @@ fn guarded_stop_needs_resume_order() {
 fn tuning_stop_needs_zero_percent() {
     let mut bench = Bench::new(Mode::TuneRotate);
     for _ in 0..2 {
-        bench.frame(&tune(50.0));
-        assert_eq!(bench.motors(), [run(-5000), run(5000)]);
+        let outputs = bench.drive(&tune(50.0));
+        assert_eq!(motors(outputs), [run(-5000), run(5000)]);
     }
     assert_eq!(bench.log().matches(": T 50.00 0.000\n").count(), 2);
     // What rounds to a duty of zero is zero.
     for zero in [0.0, -0.0, 0.004] {
         bench.ticks(30);
         assert_eq!(bench.robot.state(), State::Stopped);
-        bench.frame(&tune(50.0));
-        assert_eq!(bench.motors(), BRAKE, "50 % does not end a stop");
+        let outputs = bench.drive(&tune(50.0));
+        assert_eq!(motors(outputs), BRAKE, "50 % does not end a stop");
         bench.frame(&tune(zero));
-        bench.frame(&tune(50.0));
-        assert!(runs(&bench.tick()));
+        assert!(runs(bench.drive(&tune(50.0))));
     }
 }
 
@@ -331,8 +348,7 @@ fn empty_battery_stops_robot() {
     bench.words = [100, 100];
     let mut last = COAST;
     for _ in 0..100 {
-        bench.frame(&go(1000));
-        last = bench.motors();
+        last = motors(bench.drive(&go(1000)));
     }
     assert_eq!((last, bench.robot.state()), (BRAKE, State::Faulted));
     assert!(bench.log().contains("battery empty"));
@@ -341,16 +357,15 @@ fn empty_battery_stops_robot() {
 #[test]
 fn blocked_wheels_fault_within_a_second() {
     let mut bench = Bench::new(Mode::Normal);
-    let mut ticks = 0;
-    while bench.robot.state() != State::Faulted {
-        assert!(ticks < 100, "it pushes on");
-        if ticks % 3 == 0 {
+    let faulted = (0..100).any(|tick| {
+        if tick % 3 == 0 {
             bench.frame(&go(1000));
         }
         bench.tick();
-        ticks += 1;
-    }
-    assert_eq!(bench.motors(), BRAKE);
+        bench.robot.state() == State::Faulted
+    });
+    assert!(faulted, "it pushes on");
+    assert_eq!(motors(bench.tick()), BRAKE);
     let stalled = Faults::LEFT_STALLED | Faults::RIGHT_STALLED;
     assert_eq!(bench.robot.supervisor.faults() & stalled, stalled);
 }

@@ -36,6 +36,14 @@ fn command_frame(mode: Mode, command: &Command) -> Vec<u8> {
     frame[..len].to_vec()
 }
 
+/// The Pi's frame at rest with this number.
+fn numbered_frame(mode: Mode, own: u8) -> Vec<u8> {
+    let mut frame = [0; MAX_FRAME];
+    let context = Context { own, ..CONTEXT };
+    let len = write_command(mode, &context, &Command::default(), &mut frame);
+    frame[..len].to_vec()
+}
+
 fn report_frame(mode: Mode, report: &Report) -> Vec<u8> {
     let mut frame = [0; MAX_FRAME];
     let len = write_report(mode, &CONTEXT, report, &mut frame);
@@ -256,12 +264,7 @@ fn thousand_exchanges_wrap_counters_without_loss() {
 /// Whether the STM, having accepted number `last`, accepts frames of these numbers.
 fn accepted(mode: Mode, last: u8, numbers: &[u8]) -> (Vec<bool>, LinkCounters) {
     let (_, mut stm) = ends(mode);
-    let mut receive = |own: u8| {
-        let mut frame = [0; MAX_FRAME];
-        let context = Context { own, ..CONTEXT };
-        let len = write_command(mode, &context, &Command::default(), &mut frame);
-        stm.receive(&frame[..len], 0, 1).is_ok()
-    };
+    let mut receive = |own| stm.receive(&numbered_frame(mode, own), 0, 1).is_ok();
     assert!(receive(last));
     let accepted = numbers.iter().map(|&own| receive(own)).collect();
     (accepted, *stm.counters())
@@ -320,11 +323,9 @@ fn frame_wrong_in_anything_else_leaves_the_row_of_stale_ones() {
     for mode in guarded() {
         let (_, mut stm) = ends(mode);
         let mut accepted = |own: u8, crc: u8| {
-            let mut frame = [0; MAX_FRAME];
-            let context = Context { own, ..CONTEXT };
-            let len = write_command(mode, &context, &Command::default(), &mut frame);
-            frame[len - 1] ^= crc;
-            stm.receive(&frame[..len], 0, 1).is_ok()
+            let mut frame = numbered_frame(mode, own);
+            *frame.last_mut().unwrap() ^= crc;
+            stm.receive(&frame, 0, 1).is_ok()
         };
         assert!(accepted(100, 0));
         for own in 1..=4 {

@@ -94,11 +94,7 @@ fn fields_are_those_of_the_tables() {
 fn spans_are_those_of_the_text() {
     let ends = SPANS.map(|span| (span.address, span.address + span.len - 1));
     let [a, b, c, d] = ends.map(|(first, last)| {
-        let last = if last > CRC_ADDRESS {
-            CRC_ADDRESS - 1
-        } else {
-            last
-        };
+        let last = last.min(CRC_ADDRESS - 1);
         format!("0x{first:04X}–0x{last:04X}")
     });
     let text = include_str!("../../../docs/interfaces.md").replace('\n', " ");

@@ -49,6 +49,13 @@ pub fn rows(columns: &[&str]) -> Vec<Row> {
     rows_of(DOCUMENT, columns)
 }
 
+/// As [`rows`]: each belongs to one of `items`.
+pub fn rows_for<T>(columns: &[&str], items: impl IntoIterator<Item = T>) -> Vec<(Row, T)> {
+    let (rows, items) = (rows(columns), Vec::from_iter(items));
+    assert_eq!(rows.len(), items.len());
+    rows.into_iter().zip(items).collect()
+}
+
 /// The rows of all tables of a document with these columns, in its order.
 pub fn rows_of(document: &'static str, columns: &[&str]) -> Vec<Row> {
     let mut found = Vec::new();

@@ -8,20 +8,30 @@ use fw_core::eeprom::crc32;
 use fw_core::types::{Millimetres, Pose, Turns, Volts};
 use fw_core::wire::{CellCode, DistanceCode, GyroCode, PoseCode, code, crc::crc16};
 
-fn millimetres(text: &str) -> Millimetres {
+pub fn millimetres(text: &str) -> Millimetres {
     Millimetres(I32F32::from_str(text).expect("millimetres"))
 }
 
-fn turns(text: &str) -> Turns {
+pub fn turns(text: &str) -> Turns {
     Turns(U0F32::from_str(text).expect("turns").to_bits())
 }
 
-fn volts(text: &str) -> Volts {
+pub fn volts(text: &str) -> Volts {
     Volts(U16F16::from_str(text).expect("volts"))
 }
 
-fn distance(value: &Value) -> Option<Millimetres> {
+pub fn distance(value: &Value) -> Option<Millimetres> {
     value["mm"].as_str().map(millimetres)
+}
+
+/// 2⁻³² turns.
+pub fn angle(value: &Value) -> Option<i64> {
+    let turns = |text| I32F32::from_str(text).expect("turns").to_bits();
+    value["turn"].as_str().map(turns)
+}
+
+pub fn gyro_code(angle: Option<i64>) -> GyroCode {
+    angle.map_or(GyroCode::NONE, GyroCode::from_angle)
 }
 
 /// Every vector of a kind: its value as a code, its code as a value.
@@ -102,13 +112,8 @@ fn bearing_codes_match_vectors() {
 #[test]
 fn gyro_codes_match_vectors() {
     let code = |vector: &Value| GyroCode(int(vector, "code"));
-    let value = |vector: &Value| {
-        let turns = |text| I32F32::from_str(text).expect("turns").to_bits();
-        vector["turn"].as_str().map(turns)
-    };
-    let encode = |angle: Option<i64>| angle.map_or(GyroCode::NONE, GyroCode::from_angle);
     let decode = |code: GyroCode| code.angle().map(|angle| i64::from(angle) << 8);
-    each("gyros", code, value, encode, decode);
+    each("gyros", code, angle, gyro_code, decode);
 }
 
 #[test]
@@ -118,10 +123,7 @@ fn checksums_match_vectors() {
         assert_eq!(crc16(&bytes(vector)), int::<u16>(vector, "crc"), "{vector}");
     }
     for vector in list(&codes["crc32"]) {
-        assert_eq!(
-            crc32(0, &bytes(vector)),
-            int::<u32>(vector, "crc"),
-            "{vector}"
-        );
+        let crc: u32 = int(vector, "crc");
+        assert_eq!(crc32(0, &bytes(vector)), crc, "{vector}");
     }
 }

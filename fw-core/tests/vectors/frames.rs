@@ -1,89 +1,43 @@
 //! Whole frames of every mode through both ends of the link: accepted and rejected ones.
 
+use crate::ends::{Ends, Message};
 use crate::json::{
-    Value, bytes, command, essence, file, int, is_command, is_written, list, maybe, mode,
-    rejection, report, setup,
+    Value, bytes, essence, file, int, is_command, is_written, list, maybe, mode, rejection, setup,
 };
-use fw_core::wire::{
-    Command, Field, LinkCounters, MAX_FRAME, Mode, PiLink, Report, Setup, StmLink, frame_len,
-};
+use fw_core::wire::{Field, Mode, Setup, frame_len};
 
-/// Both ends, brought to where a vector needs them.
-struct Pair {
-    pi: PiLink,
-    stm: StmLink,
-    /// Number of the STM's last frame.
-    reply: u32,
+/// Ends of which the sender's next number is `own`, and it has accepted `seen`; 0 where it has accepted
+/// nothing.
+fn sending(setup: Setup, is_command: bool, own: u8, seen: u8) -> Ends {
+    let mut ends = Ends::new(setup);
+    if seen != 0 {
+        accept(&mut ends, !is_command, seen, setup);
+    }
+    for _ in 1..number(own) {
+        ends.send(&Message::at_rest(is_command));
+    }
+    ends
 }
 
-impl Pair {
-    fn new(setup: Setup) -> Self {
-        Self {
-            pi: PiLink::new(setup),
-            stm: StmLink::new(setup),
-            reply: 0,
-        }
+/// Ends of which the receiver has accepted `last`, or nothing.
+fn receiving(setup: Setup, is_command: bool, last: Option<u8>) -> Ends {
+    let mut ends = Ends::new(setup);
+    if let Some(last) = last.filter(|_| setup.mode.has(Field::Sequence)) {
+        accept(&mut ends, is_command, last, setup);
     }
+    ends
+}
 
-    /// The sender's next number is `own`, and it has accepted `seen`; 0 where it has accepted
-    /// nothing.
-    fn sending(setup: Setup, command: bool, own: u8, seen: u8) -> Self {
-        let mut pair = Self::new(setup);
-        if seen != 0 {
-            pair.accept(&frame_numbered(setup, !command, seen), !command);
-        }
-        for _ in 1..number(own) {
-            pair.send(command, &Command::default(), &Report::default());
-        }
-        pair
-    }
-
-    /// The receiver has accepted `last`, or nothing.
-    fn receiving(setup: Setup, command: bool, last: Option<u8>) -> Self {
-        let mut pair = Self::new(setup);
-        if let Some(last) = last.filter(|_| setup.mode.has(Field::Sequence)) {
-            pair.accept(&frame_numbered(setup, command, last), command);
-        }
-        pair
-    }
-
-    #[track_caller]
-    fn accept(&mut self, frame: &[u8], is_command: bool) {
-        if is_command {
-            self.stm.receive(frame, 0, 1).expect("accepted");
-        } else {
-            self.pi.receive(frame).expect("accepted");
-        }
-    }
-
-    fn send(&mut self, is_command: bool, command: &Command, report: &Report) -> Vec<u8> {
-        let mut frame = [0xEE; MAX_FRAME];
-        let len = if is_command {
-            self.pi.send(command, &mut frame)
-        } else {
-            self.reply += 1;
-            self.stm.encode_reply(self.reply, report, &mut frame)
-        };
-        frame[..len].to_vec()
-    }
-
-    fn counters(&self, command: bool) -> LinkCounters {
-        *if command {
-            self.stm.counters()
-        } else {
-            self.pi.counters()
-        }
-    }
+/// Has a frame at rest with this number accepted.
+#[track_caller]
+fn accept(ends: &mut Ends, is_command: bool, own: u8, setup: Setup) {
+    let frame = sending(setup, is_command, own, 0).send(&Message::at_rest(is_command));
+    ends.receive(is_command, &frame, 0).expect("accepted");
 }
 
 /// How many sends lead to a number: it starts at 1 and wraps.
 fn number(own: u8) -> u16 {
     if own == 0 { 256 } else { own.into() }
-}
-
-/// A frame at rest with this number of its sender.
-fn frame_numbered(setup: Setup, command: bool, own: u8) -> Vec<u8> {
-    Pair::sending(setup, command, own, 0).send(command, &Command::default(), &Report::default())
 }
 
 // Requirement: WIRE-modes-1, DOC-5.2-1, WIRE-distance-2
@@ -94,12 +48,8 @@ fn frames_encode_to_vector_bytes() {
         let (values, is_command) = (&vector["values"], is_command(vector));
         let own = maybe(values, "own").unwrap_or(1);
         let seen = maybe(values, "seen").unwrap_or(0);
-        let mut ends = Pair::sending(setup(vector), is_command, own, seen);
-        let frame = if is_command {
-            ends.send(true, &command(values), &Report::default())
-        } else {
-            ends.send(false, &Command::default(), &report(values))
-        };
+        let mut ends = sending(setup(vector), is_command, own, seen);
+        let frame = ends.send(&Message::new(is_command, values));
         assert_eq!(frame, bytes(vector), "{vector}");
         assert_eq!(frame.len(), frame_len(mode(vector)), "{vector}");
     }
@@ -110,16 +60,12 @@ fn frames_encode_to_vector_bytes() {
 fn frames_decode_to_vector_values() {
     for vector in list(&file("frames")) {
         let is_command = is_command(vector);
-        let mut ends = Pair::receiving(setup(vector), is_command, maybe(vector, "last"));
-        let before = ends.counters(is_command).accepted;
-        if is_command {
-            let found = ends.stm.receive(&bytes(vector), 0, 1);
-            assert_eq!(found, Ok(command(&vector["values"])), "{vector}");
-        } else {
-            let found = ends.pi.receive(&bytes(vector));
-            assert_eq!(found, Ok(report(&vector["values"])), "{vector}");
-        }
-        let counters = ends.counters(is_command);
+        let mut ends = receiving(setup(vector), is_command, maybe(vector, "last"));
+        let before = ends.counters(!is_command).accepted;
+        let found = ends.receive(is_command, &bytes(vector), 0);
+        let expected = Message::new(is_command, &vector["values"]);
+        assert_eq!(found, Ok(expected), "{vector}");
+        let counters = ends.counters(!is_command);
         assert_eq!(counters.accepted, before + 1, "{vector}");
         assert_eq!(counters.rejected_total(), 0, "{vector}");
     }
@@ -132,29 +78,25 @@ fn rejected_frames_match_vector_errors() {
     for vector in list(&file("rejected")) {
         let (setup, is_command) = (setup(vector), is_command(vector));
         let last = maybe(vector, "last");
-        let mut ends = Pair::receiving(setup, is_command, last);
-        let before = ends.counters(is_command);
+        let mut ends = receiving(setup, is_command, last);
+        let before = ends.counters(!is_command).frames();
         let expected = rejection(&vector["rejected"]);
         let frame = bytes(vector);
         let clocked = maybe(vector, "clocked").unwrap_or(frame.len());
-        let error = if is_command {
-            let bytes = frame.get(..clocked).unwrap_or(&frame);
-            let overflow_len = clocked.saturating_sub(frame.len());
-            ends.stm.receive(bytes, overflow_len, 1).unwrap_err()
-        } else {
-            assert_eq!(clocked, frame.len());
-            ends.pi.receive(&frame).unwrap_err()
-        };
+        assert!(is_command || clocked == frame.len());
+        let taken = frame.get(..clocked).unwrap_or(&frame);
+        let received = ends.receive(is_command, taken, clocked.saturating_sub(frame.len()));
+        let error = received.unwrap_err();
         assert_eq!(essence(&error), expected, "{vector}: {error}");
 
-        let after = ends.counters(is_command);
+        let after = ends.counters(!is_command);
         assert_eq!(after.rejected(expected.2), 1, "{vector}");
         assert_eq!(after.rejected_total(), 1, "{vector}");
-        assert_eq!(after.frames(), before.frames() + 1, "{vector}");
+        assert_eq!(after.frames(), before + 1, "{vector}");
         // Nothing else has changed: the frame that would have been next still is.
         let next = last.unwrap_or(0_u8).wrapping_add(1);
-        ends.accept(&frame_numbered(setup, is_command, next), is_command);
-        assert_eq!(ends.counters(is_command).missed, 0, "{vector}");
+        accept(&mut ends, is_command, next, setup);
+        assert_eq!(ends.counters(!is_command).missed, 0, "{vector}");
     }
 }
 

@@ -131,7 +131,7 @@ fn double(values: &Value) -> Binary64 {
     Binary64(bits.unwrap_or_default())
 }
 
-fn sequence(values: &Value) -> Sequence {
+pub fn sequence(values: &Value) -> Sequence {
     Sequence {
         own: given(values, "own"),
         seen: given(values, "seen"),

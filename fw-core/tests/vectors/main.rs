@@ -3,6 +3,7 @@
 
 mod codes;
 mod eeprom;
+mod ends;
 mod frames;
 mod json;
 mod sessions;

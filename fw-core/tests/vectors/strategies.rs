@@ -1,16 +1,17 @@
 //! Every strategy, both directions: its bytes within a frame of a mode that has it.
 
+use crate::codes::{angle, distance, gyro_code, millimetres, turns, volts};
 use crate::json::{
-    Value, bytes, command, file, hex, int, is_command, is_written, list, maybe, report, text,
+    Value, bytes, command, file, hex, int, is_command, is_written, list, maybe, report, sequence,
+    text,
 };
-use fixed::types::{I32F32, U0F32, U16F16};
-use fw_core::types::{Millimetres, Pose, Turns, Volts};
+use fw_core::types::Pose;
 use fw_core::wire::code::bearing_code;
 use fw_core::wire::crc::crc16;
 use fw_core::wire::strategy::Context;
 use fw_core::wire::{
-    CellCode, DistanceCode, Field, GyroCode, MAX_FRAME, Mode, PoseCode, chain, parse_command,
-    parse_report, write_command, write_report,
+    CellCode, DistanceCode, Field, MAX_FRAME, Mode, PoseCode, chain, parse_command, parse_report,
+    write_command, write_report,
 };
 
 fn context(vector: &Value) -> Context {
@@ -27,11 +28,8 @@ fn context(vector: &Value) -> Context {
 fn check(field: Field, vector: &Value) {
     let values = &vector["values"];
     let mode = *Mode::ALL.iter().find(|mode| mode.has(field)).expect("used");
-    let offset: usize = chain(mode)
-        .iter()
-        .take_while(|&&other| other != field)
-        .map(|field| field.byte_len())
-        .sum();
+    let before = chain(mode).iter().take_while(|&&other| other != field);
+    let offset: usize = before.map(|field| field.byte_len()).sum();
     let context = context(vector);
     let mut frame = [0xEE; MAX_FRAME];
     let len = if is_command(vector) {
@@ -53,15 +51,13 @@ fn check(field: Field, vector: &Value) {
         ..context
     };
     if is_command(vector) {
-        let mut expected = command(values);
-        let found = parse_command(mode, &first, &frame[..len], 0).expect("accepted");
-        expected.sequence = found.sequence;
-        assert_eq!(found, expected, "{vector}");
+        let mut found = parse_command(mode, &first, &frame[..len], 0).expect("accepted");
+        found.sequence = sequence(values);
+        assert_eq!(found, command(values), "{vector}");
     } else {
-        let mut expected = report(values);
-        let found = parse_report(mode, &first, &frame[..len], 0).expect("accepted");
-        expected.sequence = found.sequence;
-        assert_eq!(found, expected, "{vector}");
+        let mut found = parse_report(mode, &first, &frame[..len], 0).expect("accepted");
+        found.sequence = sequence(values);
+        assert_eq!(found, report(values), "{vector}");
     }
 }
 
@@ -85,10 +81,10 @@ fn strategy_bytes_match_vectors_in_both_directions() {
     }
     for field in Field::ALL {
         for command in [true, false] {
-            let found = list(&file).iter().any(|vector| {
-                text(vector, "strategy") == field.name() && is_command(vector) == command
-            });
-            assert!(found, "{}, command: {command}", field.name());
+            let name = field.name();
+            let is_of =
+                |vector: &Value| text(vector, "strategy") == name && is_command(vector) == command;
+            assert!(list(&file).iter().any(is_of), "{name}, command: {command}");
         }
     }
 }
@@ -103,14 +99,13 @@ fn physical_values_convert_to_their_codes() {
             continue;
         }
         checked += 1;
-        let millimetres = |key| Millimetres(I32F32::from_str(text(physical, key)).unwrap());
-        let turns = |key| Turns(U0F32::from_str(text(physical, key)).unwrap().to_bits());
+        let millimetres = |key| millimetres(text(physical, key));
         match text(vector, "strategy") {
             "position" => {
                 let pose = Pose {
                     x: millimetres("x_mm"),
                     y: millimetres("y_mm"),
-                    heading: turns("turn"),
+                    heading: turns(text(physical, "turn")),
                 };
                 let expected = PoseCode {
                     x: int(values, "x"),
@@ -125,26 +120,20 @@ fn physical_values_convert_to_their_codes() {
                 assert_eq!(bits, text(values, "double"), "{vector}");
             }
             "battery" => {
-                let voltage = Volts(U16F16::from_str(text(physical, "V")).unwrap());
-                let code = CellCode::from_volts(int(values, "cell"), voltage);
+                let code = CellCode::from_volts(int(values, "cell"), volts(text(physical, "V")));
                 assert_eq!(code.voltage, int::<u16>(values, "voltage"), "{vector}");
             }
             "bearing" => {
-                let code = bearing_code(turns("turn"));
+                let code = bearing_code(turns(text(physical, "turn")));
                 let sent = maybe(values, "bearing").or(maybe(values, "sweep"));
                 assert_eq!(Some(code), sent, "{vector}");
             }
             "gyro" => {
-                let angle = physical["turn"]
-                    .as_str()
-                    .map(|text| I32F32::from_str(text).unwrap());
-                let code = angle.map(|angle| GyroCode::from_angle(angle.to_bits()));
-                let code = code.unwrap_or(GyroCode::NONE);
+                let code = gyro_code(angle(physical));
                 assert_eq!(code.0, int::<i32>(values, "gyro"), "{vector}");
             }
             name @ ("distance front" | "distance right" | "distance left") => {
-                let distance = (!physical["mm"].is_null()).then(|| millimetres("mm"));
-                let code = DistanceCode::from_distance(distance);
+                let code = DistanceCode::from_distance(distance(physical));
                 assert_eq!(code.0, int::<u16>(values, name), "{vector}");
             }
             other => panic!("{other} has no physical values"),

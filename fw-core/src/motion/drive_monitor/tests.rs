@@ -91,26 +91,20 @@ fn wheel_turns_from_a_128th_of_a_turn() {
                 (1 - least, Some(side.stalled())),
                 (-least, Some(side.reversed())),
             ] {
-                let found = faults(side, 5000 * way, counts * i32::from(way), 150);
+                let case = std::format!("{side:?} {way} {counts}");
+                let rolls = counts * i32::from(way);
+                let found = faults(side, 5000 * way, rolls, 150);
                 let second = found.get(1).map(|&(_, faults)| faults);
-                assert_eq!(second, fault, "{side:?} {way} {counts}");
+                assert_eq!(second, fault, "{case}");
+                // In the first window, too.
                 let (first, _) = found[0];
                 let mut monitor = monitor();
-                // In the first window, too.
-                let mut turn = |tick| {
-                    let rolls = if tick == first - 1 {
-                        counts * i32::from(way)
-                    } else {
-                        0
-                    };
+                let turn = |tick| {
+                    let rolls = if tick == first - 1 { rolls } else { 0 };
                     monitor.step(&side.driven(5000 * way), &side.rolled(rolls))
                 };
-                let ends = (0..=first).map(&mut turn).last();
-                assert_eq!(
-                    ends,
-                    Some(fault.unwrap_or(Faults::NONE)),
-                    "{side:?} {way} {counts}"
-                );
+                let ends = (0..=first).map(turn).last().unwrap();
+                assert_eq!(ends, fault.unwrap_or(Faults::NONE), "{case}");
             }
         }
     }
@@ -120,18 +114,14 @@ fn wheel_turns_from_a_128th_of_a_turn() {
 fn coarse_encoder_stands_below_two_counts() {
     // A 128th of its turn is less than a count.
     let config = config_with(&[(fields::COUNTS_PER_TURN, 100)]);
-    for (counts, stalled) in [(0, true), (1, true), (2, false)] {
+    let stalled = Faults::LEFT_STALLED;
+    for (counts, expected) in [(0, stalled), (1, stalled), (2, Faults::NONE)] {
         let mut monitor = DriveMonitor::new(&config);
         let mut found = Faults::NONE;
         for tick in 0..300 {
             let rolled = if tick % 50 == 0 { counts } else { 0 };
             found |= monitor.step(&Left.driven(5000), &Left.rolled(rolled));
         }
-        let expected = if stalled {
-            Faults::LEFT_STALLED
-        } else {
-            Faults::NONE
-        };
         assert_eq!(found, expected, "{counts}");
     }
 }

@@ -1,7 +1,8 @@
 //! Identification of the motors' gains, and its conditions.
 
 use super::*;
-use crate::eeprom::{config_with, fields};
+use crate::eeprom::{Field, config_with, fields};
+use crate::motion::simulation::duty;
 use std::vec::Vec;
 
 fn percent(value: f64) -> I16F16 {
@@ -10,8 +11,12 @@ fn percent(value: f64) -> I16F16 {
 
 /// Motors without a dead zone.
 fn mixer() -> Mixer {
+    mixer_with(&[])
+}
+
+fn mixer_with(changes: &[(&Field, u64)]) -> Mixer {
     let none = [(fields::DEAD_ZONE_LEFT, 0), (fields::DEAD_ZONE_RIGHT, 0)];
-    Mixer::new(&config_with(&none))
+    Mixer::new(&config_with(&[&none, changes].concat()))
 }
 
 /// The factors after each of so many ticks with these outputs, percent, and counts.
@@ -75,15 +80,10 @@ fn identification_needs_6_percent_on_both_wheels() {
 
 #[test]
 fn largest_output_is_of_the_new_gain_balance() {
-    let config = config_with(&[(fields::DEAD_ZONE_LEFT, 0)]);
-    let mut motor = Motor::new(config.left());
-    let headroom = motor.headroom;
+    let mut motor = mixer().left;
     for (own, other, factor) in [(2, 1, 2), (1, 1, 1), (100, 1, 4), (1, 3, 1)] {
-        assert_eq!(
-            motor.balance(own, other),
-            headroom * factor,
-            "{own} {other}"
-        );
+        let largest = motor.balance(own, other);
+        assert_eq!(largest, motor.headroom * factor, "{own} {other}");
     }
 }
 
@@ -158,37 +158,22 @@ fn lags_take_sixteen_ticks_each_and_identification_64() {
 
 #[test]
 fn full_output_is_the_whole_duty() {
-    let whole = [
-        (fields::DEAD_ZONE_LEFT, 0),
-        (fields::DEAD_ZONE_RIGHT, 0),
-        (fields::LIMIT_LEFT, 10_000),
-        (fields::LIMIT_RIGHT, 10_000),
-    ];
-    let mut mixer = Mixer::new(&config_with(&whole));
+    let mut mixer = mixer_with(&[(fields::LIMIT_LEFT, 10_000), (fields::LIMIT_RIGHT, 10_000)]);
     mixer.balance();
-    for percent in [100.0, 150.0] {
-        let MotorCommands { left, right } = mixer.mix(I16F16::from_num(percent), I16F16::ZERO);
-        for command in [left, right] {
-            let MotorCommand::Run(duty) = command else {
-                panic!("{command:?}")
-            };
-            assert_eq!(duty.hundredths().abs(), 10_000);
-        }
+    for forward in [100.0, 150.0] {
+        let MotorCommands { left, right } = mixer.mix(percent(forward), percent(0.0));
+        let sizes = [left, right].map(|command| duty(command).abs());
+        assert_eq!(sizes, [10_000; 2], "{forward}");
     }
 }
 
 #[test]
 fn duty_is_the_nearest_hundredth() {
-    let changes = [
-        (fields::DEAD_ZONE_LEFT, 0),
-        (fields::MOTOR_LEFT_REVERSED, 0),
-    ];
-    let config = config_with(&changes);
+    let mixer = mixer_with(&[(fields::MOTOR_LEFT_REVERSED, 0)]);
     for (forward, hundredths) in [(10.004, 1000), (10.006, 1001)] {
         for (forward, hundredths) in [(forward, hundredths), (-forward, -hundredths)] {
-            let commands = Mixer::new(&config).mix(percent(forward), percent(0.0));
-            let run = MotorCommand::Run(Duty::saturating(hundredths));
-            assert_eq!(commands.left, run, "{forward}");
+            let commands = mixer.clone().mix(percent(forward), percent(0.0));
+            assert_eq!(duty(commands.left), hundredths, "{forward}");
         }
     }
 }
@@ -196,20 +181,14 @@ fn duty_is_the_nearest_hundredth() {
 #[test]
 fn first_output_fits_the_lower_limit() {
     for limits in [(10_000, 5_000), (5_000, 10_000)] {
-        let mut mixer = Mixer::new(&config_with(&[
-            (fields::DEAD_ZONE_LEFT, 0),
-            (fields::DEAD_ZONE_RIGHT, 0),
+        let mut mixer = mixer_with(&[
             (fields::LIMIT_LEFT, limits.0),
             (fields::LIMIT_RIGHT, limits.1),
-        ]));
-        let size = |command| match command {
-            MotorCommand::Run(duty) => duty.hundredths().abs(),
-            other => panic!("{other:?}"),
-        };
+        ]);
         // Where one wheel were cut alone, the robot would turn, or not turn on the spot.
         for (forward, rotation) in [(80.0, 0.0), (-80.0, 0.0), (0.0, 80.0), (0.0, -80.0)] {
             let MotorCommands { left, right } = mixer.mix(percent(forward), percent(rotation));
-            let sizes = [size(left), size(right)];
+            let sizes = [left, right].map(|command| duty(command).abs());
             assert_eq!(sizes, [5_000; 2], "{forward} {rotation}");
         }
     }
@@ -229,7 +208,6 @@ fn raw_duty_is_cut_to_the_limit_of_its_wheel() {
         (4_000, 4_000, [4_000, 4_000]),
     ] {
         let MotorCommands { left, right } = mixer.raw(left, right);
-        let run = cut.map(|duty| MotorCommand::Run(Duty::saturating(duty)));
-        assert_eq!([left, right], run);
+        assert_eq!([left, right].map(duty), cut);
     }
 }

@@ -20,6 +20,12 @@ fn moved(limit: &mut ObstacleLimit, travel: f64, turn: f64) -> i32 {
     limit.max_forward()
 }
 
+/// After so many readings without an echo.
+fn missed(limit: &mut ObstacleLimit, bearing: u16, readings: u32) -> i32 {
+    (0..readings).for_each(|_| limit.on_range(bearing, None));
+    moved(limit, 0.0, 0.0)
+}
+
 /// In µm/s for a distance from the sensor in mm: `−a·t_r + √(a²·t_r² + 2·a·room)`, down to 256 µm/s.
 fn expected(distance: f64) -> i32 {
     let room = (distance - 170.0).max(0.0);
@@ -98,17 +104,11 @@ fn forward_way_shortens_the_distance() {
 fn echo_is_void_after_three_misses_or_15_degrees() {
     let mut limit = limit();
     assert_eq!(moved(&mut limit, 0.0, 0.0), BLIND);
-    let misses = |limit: &mut ObstacleLimit, count| {
-        for _ in 0..count {
-            limit.on_range(0, None);
-        }
-        moved(limit, 0.0, 0.0)
-    };
     limit.on_range(0, Some(mm(170)));
-    assert_eq!(misses(&mut limit, 2), 0);
+    assert_eq!(missed(&mut limit, 0, 2), 0);
     limit.on_range(0, Some(mm(170)));
-    assert_eq!(misses(&mut limit, 2), 0);
-    assert_eq!(misses(&mut limit, 1), BLIND);
+    assert_eq!(missed(&mut limit, 0, 2), 0);
+    assert_eq!(missed(&mut limit, 0, 1), BLIND);
     for side in [1.0, -1.0] {
         limit.on_range(0, Some(mm(170)));
         assert_eq!(moved(&mut limit, 0.0, side * 10.0), 0);
@@ -131,14 +131,8 @@ fn reading_beyond_15_degrees_is_ignored() {
         limit.on_range(sideways, Some(mm(170)));
         assert_eq!(moved(&mut limit, 0.0, 0.0), BLIND);
         limit.on_range(bearing, Some(mm(170)));
-        for _ in 0..3 {
-            limit.on_range(sideways, None);
-        }
-        assert_eq!(moved(&mut limit, 0.0, 0.0), 0);
-        for _ in 0..3 {
-            limit.on_range(bearing, None);
-        }
-        assert_eq!(moved(&mut limit, 0.0, 0.0), BLIND);
+        assert_eq!(missed(&mut limit, sideways, 3), 0);
+        assert_eq!(missed(&mut limit, bearing, 3), BLIND);
     }
 }
 

@@ -20,10 +20,8 @@ fn figures_per_count_and_turn_are_nearest() {
             (fields::TRACK, track),
         ]);
         let odometry = Odometry::new(&config, 0, 0);
-        let (way, per) = (
-            u128::from(diameter) * u128::from(PI),
-            u128::from(2000 * counts),
-        );
+        let way = u128::from(diameter) * u128::from(PI);
+        let per = u128::from(2000 * counts);
         let nearest = ((2 * way + per) / (2 * per)) as i64;
         assert_eq!(odometry.left.half.times(1, 0), nearest);
         assert_eq!(odometry.right.half.times(1, 0), nearest);

@@ -39,10 +39,8 @@ fn new_scales_limits_and_anti_windup() {
         let pid = pid(1.0, 1.0, 1.0, anti_windup);
         assert_eq!(pid.back_calculation, factor, "{anti_windup}");
         assert_eq!(pid.limit, 50 << 32);
-        assert_eq!(
-            pid.integration_limit,
-            (50 << 32) / i64::from(INTEGRATION_SHARE)
-        );
+        let share = i64::from(INTEGRATION_SHARE);
+        assert_eq!(pid.integration_limit, (50 << 32) / share);
     }
 }
 

@@ -8,7 +8,7 @@ mod stiction;
 
 use super::*;
 use crate::eeprom::{Field, config_with, fields, first_board};
-use crate::motion::simulation::pose;
+use crate::motion::simulation::{duty, pose};
 use crate::types::MotorCommand;
 
 /// The first board with P alone, and D for the rotation: percent per millimetre, per degree, per degree a
@@ -45,13 +45,11 @@ fn controller(forward: f64, rotation: f64) -> PoseController {
 
 /// Forward and rotation output, percent; `None` if braked.
 fn outputs(commands: MotorCommands) -> Option<(f64, f64)> {
-    let duty = |command| match command {
-        MotorCommand::Run(duty) => Some(f64::from(duty.hundredths())),
-        MotorCommand::Brake | MotorCommand::Coast => None,
-    };
-    let outputs = duty(commands.left).zip(duty(commands.right));
-    assert!(outputs.is_some() || commands == MotorCommands::BRAKE);
-    outputs.map(|(left, right)| ((left + right) / 200.0, (right - left) / 200.0))
+    if commands == MotorCommands::BRAKE {
+        return None;
+    }
+    let [left, right] = [commands.left, commands.right].map(|command| f64::from(duty(command)));
+    Some(((left + right) / 200.0, (right - left) / 200.0))
 }
 
 /// A duty is rounded to a hundredth of a percent.
@@ -110,6 +108,13 @@ fn aimed(config: &Config, target: Pose) -> PoseController {
     controller
 }
 
+/// So many ticks alike.
+fn drive(controller: &mut PoseController, here: &Pose, delta: &Delta, ticks: u32) {
+    for _ in 0..ticks {
+        let _ = controller.drive(here, delta);
+    }
+}
+
 #[test]
 fn controller_without_target_brakes() {
     let mut controller = controller(1.0, 1.0);
@@ -130,8 +135,7 @@ fn controller_without_target_brakes() {
 fn target_repeated_has_no_effect_and_changed_restarts() {
     let (target, other) = (pose(100.0, 50.0, -45.0), pose(100.0, 50.0, -45.1));
     for (new, arrival) in [(target, 5), (other, 8)] {
-        let mut controller = controller(1.0, 1.0);
-        controller.set_target(target);
+        let mut controller = aimed(&gains(1.0, 1.0, 0.0), target);
         for tick in 1..=8 {
             let _ = controller.drive(&target, &STILL);
             assert_eq!(controller.arrived(), tick >= arrival, "{tick}");
@@ -161,9 +165,7 @@ fn halt_clears_the_integrals() {
     let mut fresh = aimed(&config, target);
     let mut controller = fresh.clone();
     let first = fresh.drive(&here, &rolling(0.0, 0.0));
-    for _ in 0..20 {
-        let _ = controller.drive(&here, &rolling(0.0, 0.0));
-    }
+    drive(&mut controller, &here, &rolling(0.0, 0.0), 20);
     assert_ne!(controller.drive(&here, &rolling(0.0, 0.0)), first);
     controller.halt();
     controller.set_target(target);
@@ -192,14 +194,11 @@ fn limited(controller: &mut PoseController, distance: f64) {
 
 #[test]
 fn turning_while_idle_counts_for_the_damping() {
-    let mut idled = PoseController::new(&gains(0.0, 1.0, 10.0));
-    let mut controllers = [idled.clone(), idled.clone()];
+    let fresh = PoseController::new(&gains(0.0, 1.0, 10.0));
+    let mut idled = fresh.clone();
     let turning = rolling(0.0, 0.5);
-    for _ in 0..200 {
-        let _ = idled.drive(&Pose::default(), &turning);
-    }
-    controllers[0] = idled;
-    let [idled, fresh] = controllers.map(|mut controller| {
+    drive(&mut idled, &Pose::default(), &turning, 200);
+    let [idled, fresh] = [idled, fresh].map(|mut controller| {
         controller.set_target(pose(0.0, 0.0, 20.0));
         let commands = controller.drive(&Pose::default(), &turning);
         outputs(commands).expect("driven").1
@@ -210,8 +209,7 @@ fn turning_while_idle_counts_for_the_damping() {
 // Requirement: WIRE-obstacle-5
 #[test]
 fn held_back_ends_with_the_obstacle_and_is_not_boosted() {
-    let mut controller = controller(1.0, 1.0);
-    controller.set_target(pose(30.0, 0.0, 0.0));
+    let mut controller = aimed(&gains(1.0, 1.0, 0.0), pose(30.0, 0.0, 0.0));
     limited(&mut controller, 172.0);
     let first = controller.drive(&Pose::default(), &STILL);
     for _ in 0..30 {
@@ -235,23 +233,18 @@ fn way_back_has_the_limit_of_its_own() {
         (172.0, -500.0, true),
         (2500.0, -500.0, true),
     ] {
-        let mut controller = controller(1.0, 1.0);
-        controller.set_target(pose(target, 0.0, 0.0));
+        let mut controller = aimed(&gains(1.0, 1.0, 0.0), pose(target, 0.0, 0.0));
         limited(&mut controller, ahead);
         let commands = controller.drive(&Pose::default(), &STILL);
         assert_eq!(controller.held_back(), held_back, "{ahead} {target}");
-        let MotorCommand::Run(left) = commands.left else {
-            panic!("{commands:?}")
-        };
-        assert!(left.hundredths() < -500, "{left:?}");
+        assert!(duty(commands.left) < -500, "{commands:?}");
     }
 }
 
 // Requirement: DOC-5.2.2-1
 #[test]
 fn tune_rotate_sets_opposite_duties_and_discards_the_target() {
-    let mut controller = controller(1.0, 1.0);
-    controller.set_target(pose(1000.0, 0.0, 0.0));
+    let mut controller = aimed(&gains(1.0, 1.0, 0.0), pose(1000.0, 0.0, 0.0));
     let mut braked = controller.clone();
     let _ = braked.tune_rotate(Duty::ZERO);
     assert!(!braked.moving());
@@ -271,8 +264,7 @@ fn tune_rotate_sets_opposite_duties_and_discards_the_target() {
 // Requirement: DOC-5.2.3-1
 #[test]
 fn tune_move_holds_the_first_heading_until_zero() {
-    let mut controller = controller(1.0, 1.0);
-    controller.set_target(pose(1000.0, 0.0, 0.0));
+    let mut controller = aimed(&gains(1.0, 1.0, 0.0), pose(1000.0, 0.0, 0.0));
     let mut tune = |duty, degrees| {
         let here = pose(3.0, 4.0, degrees);
         controller.tune_move(Duty::saturating(duty), &here, &STILL)
@@ -309,8 +301,7 @@ fn tune_move_begins_without_an_integral() {
 #[test]
 fn derivative_opposes_the_filtered_turn_rate() {
     let mut tuning = PoseController::new(&gains(0.0, 0.0, 1.0));
-    let mut approach = tuning.clone();
-    approach.set_target(pose(0.0, 1000.0, 90.0));
+    let mut approach = aimed(&gains(0.0, 0.0, 1.0), pose(0.0, 1000.0, 90.0));
     let here = Pose::default();
     let mut filtered = 0.0;
     for _ in 0..40 {

@@ -19,12 +19,11 @@ fn detect(fault: impl Fn(&mut Robot)) -> (Faults, f64) {
 #[test]
 fn drive_fault_is_detected_within_a_second() {
     let (left, right) = (Faults::LEFT_STALLED, Faults::RIGHT_STALLED);
-    for (jammed, expected) in [
-        ((true, false), left),
-        ((false, true), right),
-        ((true, true), left | right),
+    for (wheels, expected) in [
+        (Sides::new(true, false), left),
+        (Sides::new(false, true), right),
+        (Sides::new(true, true), left | right),
     ] {
-        let wheels = Sides::new(jammed.0, jammed.1);
         let (faults, seconds) = detect(|robot| robot.world.faults.jammed = wheels);
         assert!(faults.intersects(expected) && seconds <= 1.0, "{seconds}");
         if expected != left | right {

@@ -10,16 +10,20 @@ type Driven = Robot<(VelocityController, ObstacleLimit)>;
 /// Distance ahead on an open floor, mm: no limit.
 const FAR: f64 = 30_000.0;
 
-fn first_driven(params: Params) -> Driven {
-    driven(&first_board(), params)
-}
-
 fn driven(config: &Config, params: Params) -> Driven {
     let parts = (
         VelocityController::new(config),
         ObstacleLimit::new(config.obstacle_stop(), true),
     );
     Robot::with(parts, config, params)
+}
+
+/// A tick with this motion and, if there is one, a reading of the front sensor, mm.
+fn update(obstacle: &mut ObstacleLimit, ahead: Option<f64>, delta: &Delta) {
+    if let Some(ahead) = ahead {
+        obstacle.on_range(0, Some(Millimetres(I32F32::from_num(ahead))));
+    }
+    obstacle.step(delta);
 }
 
 fn velocity(mm_s: f64, turns_s: f64) -> Velocity {
@@ -34,10 +38,7 @@ impl Driven {
     fn follow(&mut self, command: Velocity, ahead: Option<f64>) {
         let (_, delta) = self.tick();
         let (controller, obstacle) = &mut self.controller;
-        if let Some(ahead) = ahead {
-            obstacle.on_range(0, Some(Millimetres(I32F32::from_num(ahead))));
-        }
-        obstacle.step(&delta);
+        update(obstacle, ahead, &delta);
         self.commands = controller.step(command, obstacle, &delta);
     }
 
@@ -94,7 +95,7 @@ fn velocity_is_tracked_within_5_percent_at_the_spread() {
         let turning = [(0.0, 0.06), (0.0, -0.12), (0.0, 0.2)];
         let both = [(100.0, 0.1), (60.0, -0.1), (180.0, 0.1)];
         for (forward, yaw_rate) in straight.into_iter().chain(turning).chain(both) {
-            let mut robot = first_driven(params.clone());
+            let mut robot = driven(&first_board(), params.clone());
             let command = velocity(forward, yaw_rate);
             robot.mean(command, 200);
             let (speed, rate) = robot.mean(command, 100);
@@ -136,7 +137,7 @@ fn zero_command_brakes_and_does_not_creep() {
     for params in spread() {
         for (forward, yaw_rate) in [(200.0, 0.0), (0.0, 0.2), (80.0, -0.1)] {
             let command = velocity(forward, yaw_rate);
-            let mut robot = first_driven(params.clone());
+            let mut robot = driven(&first_board(), params.clone());
             robot.mean(command, 300);
             robot.mean(Velocity::default(), 100);
             let counts = robot.world.wheel_counts();
@@ -167,7 +168,7 @@ fn approach(mut drive: impl FnMut(Option<f64>) -> f64) -> (f64, f64) {
 fn wall_ahead_stops_the_velocity_at_the_stop_distance() {
     for params in spread() {
         for speed in [50.0, 100.0, 200.0] {
-            let mut robot = first_driven(params.clone());
+            let mut robot = driven(&first_board(), params.clone());
             let (least, end) = approach(|ahead| {
                 robot.follow(velocity(speed, 0.0), ahead);
                 robot.world.pose().x_mm
@@ -189,10 +190,7 @@ fn wall_before_a_target_holds_it_back_until_it_is_gone() {
         robot.controller.set_target(pose(2500.0, 0.0, 0.0));
         let mut drive = |ahead: Option<f64>| {
             let (pose, delta) = robot.tick();
-            if let Some(ahead) = ahead {
-                obstacle.on_range(0, Some(Millimetres(I32F32::from_num(ahead))));
-            }
-            obstacle.step(&delta);
+            update(&mut obstacle, ahead, &delta);
             robot.controller.limit_speed(&obstacle);
             robot.commands = robot.controller.drive(&pose, &delta);
             robot.world.pose().x_mm

@@ -1,16 +1,30 @@
 //! One wheel: feed-forward, deviation and the integral of friction.
 
 use super::*;
+use crate::eeprom::{config_with, fields, first_board};
+use crate::motion::simulation::duty;
+use crate::types::Millimetres;
+use fixed::types::I32F32;
 
 /// The left wheel with these gains, percent per mm a tick and percent per mm.
 fn wheel(p: f64, i: f64) -> WheelSpeed {
-    let gain = |value| Gain::new(fixed::types::I32F32::from_num(value)).unwrap();
+    let gain = |value| Gain::new(I32F32::from_num(value)).unwrap();
     let gains = Gains {
         p: gain(p),
         i: gain(i),
         ..Gains::default()
     };
-    WheelSpeed::new(crate::eeprom::first_board().left(), &gains)
+    WheelSpeed::new(first_board().left(), &gains)
+}
+
+/// µm/s, and 2⁻³² turns a second.
+fn velocity(forward: i32, yaw_rate: i32) -> Velocity {
+    Velocity { forward, yaw_rate }
+}
+
+/// The obstacle stop before its first echo; driven by velocity or not.
+fn obstacle(config: &Config, by_velocity: bool) -> ObstacleLimit {
+    ObstacleLimit::new(config.obstacle_stop(), by_velocity)
 }
 
 const MM: f64 = 65_536.0;
@@ -58,10 +72,9 @@ fn integral_of_friction_changes_sign_with_the_direction() {
 // Requirement: WIRE-velocity-5
 #[test]
 fn blocked_wheels_saturate_and_rest_forgets_what_they_taught() {
-    let config = crate::eeprom::first_board();
-    let mut obstacle = ObstacleLimit::new(config.obstacle_stop(), true);
-    let far = crate::types::Millimetres(fixed::types::I32F32::lit("2500"));
-    let velocity = |forward, yaw_rate| Velocity { forward, yaw_rate };
+    let config = first_board();
+    let mut obstacle = obstacle(&config, true);
+    let far = Millimetres(I32F32::lit("2500"));
     let (ahead, still) = (velocity(200_000, 0), Delta::rolled(0, 0));
     let rolling = Delta {
         travel: I16F16::lit("2"),
@@ -109,12 +122,7 @@ fn speeds_beyond_their_type_are_the_fastest() {
 // Requirement: WIRE-velocity-5
 #[test]
 fn pushed_robot_saturates_in_its_first_tick() {
-    let config = crate::eeprom::first_board();
-    let obstacle = ObstacleLimit::new(config.obstacle_stop(), true);
-    let command = Velocity {
-        forward: 4_000,
-        yaw_rate: 0,
-    };
+    let config = first_board();
     for (travel, turn) in [(i32::MAX, i32::MAX), (i32::MAX, i32::MIN)] {
         let pushed = Delta {
             travel: I16F16::from_bits(travel),
@@ -122,12 +130,9 @@ fn pushed_robot_saturates_in_its_first_tick() {
             ..Delta::default()
         };
         let mut controller = VelocityController::new(&config);
-        let commands = controller.step(command, &obstacle, &pushed);
-        let is_back = |command| matches!(command, crate::types::MotorCommand::Run(duty) if duty.hundredths() < 0);
-        assert!(
-            is_back(commands.left) && is_back(commands.right),
-            "{commands:?}"
-        );
+        let commands = controller.step(velocity(4_000, 0), &obstacle(&config, true), &pushed);
+        let duties = [commands.left, commands.right].map(duty);
+        assert!(duties.iter().all(|&duty| duty < 0), "{duties:?}");
         assert!(controller.clipped());
     }
 }
@@ -135,25 +140,18 @@ fn pushed_robot_saturates_in_its_first_tick() {
 // Requirement: WIRE-velocity-3
 #[test]
 fn speed_and_yaw_rate_are_cut_either_way() {
-    use crate::eeprom::{config_with, fields};
     let config = config_with(&[
         (fields::MAX_SPEED, 100),
         (fields::MAX_YAW_RATE, 0x1000),
         (fields::BLIND_SPEED, 2_000),
         (fields::REVERSE_SPEED, 2_000),
     ]);
-    let obstacle = ObstacleLimit::new(config.obstacle_stop(), false);
+    let obstacle = obstacle(&config, false);
     let ramp = VelocityRamp::new(config.velocity_limits());
     let (forward, yaw_rate) = (100_000, 1 << 28);
     for (speed, turn) in [(1, 1), (1, -1), (-1, 1), (-1, -1)] {
-        let most = Velocity {
-            forward: forward * speed,
-            yaw_rate: yaw_rate * turn,
-        };
-        let beyond = Velocity {
-            forward: most.forward + speed,
-            yaw_rate: most.yaw_rate + turn,
-        };
+        let most = velocity(forward * speed, yaw_rate * turn);
+        let beyond = velocity(most.forward + speed, most.yaw_rate + turn);
         let followed = ramp.step(most, beyond, &obstacle);
         assert_eq!((followed.target, followed.velocity), (most, most));
         assert!(followed.clipped && !ramp.step(most, most, &obstacle).clipped);
@@ -162,7 +160,6 @@ fn speed_and_yaw_rate_are_cut_either_way() {
 
 /// Without dead zones, wheels of 200 and 100 mm/s, 40 mm/s a tick, hardly any gains.
 fn unequal() -> Config {
-    use crate::eeprom::{config_with, fields};
     config_with(&[
         (fields::DEAD_ZONE_LEFT, 0),
         (fields::DEAD_ZONE_RIGHT, 0),
@@ -181,20 +178,14 @@ fn unequal() -> Config {
 #[test]
 fn saturated_wheel_slows_both_and_the_ramp() {
     let config = unequal();
-    let obstacle = ObstacleLimit::new(config.obstacle_stop(), false);
+    let obstacle = obstacle(&config, false);
     for direction in [1, -1] {
         let mut controller = VelocityController::new(&config);
-        let fast = Velocity {
-            forward: 2_000_000 * direction,
-            yaw_rate: 0,
-        };
+        let fast = velocity(2_000_000 * direction, 0);
         let commands = controller.step(fast, &obstacle, &Delta::default());
         // Four times 40 mm/s take 80 and 160 %: 60 mm/s too much for the right wheel.
         for (command, percent) in [(commands.left, 50.0), (commands.right, 100.0)] {
-            let crate::types::MotorCommand::Run(duty) = command else {
-                panic!("{command:?}")
-            };
-            let found = f64::from(i32::from(duty.hundredths()) * direction) / 100.0;
+            let found = f64::from(duty(command) * direction) / 100.0;
             assert!((found - percent).abs() < 0.1, "{found} % of {percent} %");
         }
         assert!((controller.applied().forward * direction - 25_000).abs() < 100);
@@ -204,14 +195,9 @@ fn saturated_wheel_slows_both_and_the_ramp() {
     turning.ramp.yaw_step = i32::MAX;
     turning.ramp.max_yaw_rate = i32::MAX;
     let yaw_rate = 1 << 29;
-    let spin = Velocity {
-        forward: 0,
-        yaw_rate,
-    };
-    let _ = turning.step(spin, &obstacle, &Delta::default());
-    let way_mm_s =
-        f64::from(yaw_rate) / 4_294_967_296.0 * std::f64::consts::PI * f64::from(config.track().0)
-            / 1000.0;
+    let _ = turning.step(velocity(0, yaw_rate), &obstacle, &Delta::default());
+    let track_mm = f64::from(config.track().0) / 1000.0;
+    let way_mm_s = f64::from(yaw_rate) / 4_294_967_296.0 * std::f64::consts::PI * track_mm;
     let applied = f64::from(turning.applied().yaw_rate) / f64::from(yaw_rate) * way_mm_s;
     assert!((applied - 25.0).abs() < 0.1, "{applied} of {way_mm_s} mm/s");
 }
@@ -222,15 +208,12 @@ fn saturated_wheel_slows_both_and_the_ramp() {
 #[test]
 fn turn_that_saturates_against_the_forward_speed_is_slowed() {
     let config = unequal();
-    let obstacle = ObstacleLimit::new(config.obstacle_stop(), false);
+    let obstacle = obstacle(&config, false);
     for direction in [1, -1] {
         let mut controller = VelocityController::new(&config);
         controller.ramp.yaw_step = i32::MAX;
         controller.ramp.max_yaw_rate = i32::MAX;
-        let command = Velocity {
-            forward: 10_000 * direction,
-            yaw_rate: -(1 << 29) * direction,
-        };
+        let command = velocity(10_000 * direction, -(1 << 29) * direction);
         let _ = controller.step(command, &obstacle, &Delta::default());
         let Velocity { forward, yaw_rate } = controller.applied();
         assert_eq!(forward, command.forward);
@@ -242,14 +225,10 @@ fn turn_that_saturates_against_the_forward_speed_is_slowed() {
 #[test]
 fn yaw_rate_is_the_wheels_way_round_the_middle() {
     let config = unequal();
-    let obstacle = ObstacleLimit::new(config.obstacle_stop(), true);
+    let obstacle = obstacle(&config, true);
     let mut controller = VelocityController::new(&config);
-    let slow = Velocity {
-        forward: 0,
-        yaw_rate: 1 << 27,
-    };
     for _ in 0..300 {
-        let _ = controller.step(slow, &obstacle, &Delta::default());
+        let _ = controller.step(velocity(0, 1 << 27), &obstacle, &Delta::default());
     }
     // A 32nd of a turn in a second.
     let way_mm = std::f64::consts::PI * f64::from(config.track().0) / 1000.0 / 3200.0;
@@ -276,8 +255,8 @@ fn wheel_slower_than_10_mm_s_is_slow() {
 // Requirement: WIRE-velocity-6
 #[test]
 fn brake_waits_for_both_wheels() {
-    let config = crate::eeprom::first_board();
-    let obstacle = ObstacleLimit::new(config.obstacle_stop(), true);
+    let config = first_board();
+    let obstacle = obstacle(&config, true);
     for (left, right) in [(0, 1 << 16), (1 << 16, 0)] {
         let mut controller = VelocityController::new(&config);
         (controller.left.lag, controller.right.lag) = ([left; 2], [right; 2]);
@@ -290,7 +269,7 @@ fn brake_waits_for_both_wheels() {
 fn wheels_shed_their_windup_as_the_forward_regulator() {
     use crate::eeprom::fields::{FORWARD_ANTI_WINDUP, ROTATION_ANTI_WINDUP};
     let of = |field, value: f64| {
-        let config = crate::eeprom::config_with(&[(field, value.to_bits())]);
+        let config = config_with(&[(field, value.to_bits())]);
         std::format!("{:?}", VelocityController::new(&config).left)
     };
     for (field, counts) in [(FORWARD_ANTI_WINDUP, true), (ROTATION_ANTI_WINDUP, false)] {

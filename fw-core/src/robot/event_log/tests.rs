@@ -205,15 +205,7 @@ fn obstacle_is_logged_once_and_its_end_a_second_later() {
         let _ = event_log.tick(State::Booting, Faults::NONE, obstacle, &mut log);
         all.extend(lines(&mut log).into_iter().map(|line| (tick, line)));
     }
-    let line = |tick, text: &str| (tick, format!("I: obstacle: {text}"));
-    let (begin, end) = ("speed limited", "way free");
-    assert_eq!(
-        all,
-        [
-            line(3, begin),
-            line(119, end),
-            line(300, begin),
-            line(399, end)
-        ]
-    );
+    let begin = |tick| (tick, String::from("I: obstacle: speed limited"));
+    let end = |tick| (tick, String::from("I: obstacle: way free"));
+    assert_eq!(all, [begin(3), end(119), begin(300), end(399)]);
 }

@@ -1,10 +1,12 @@
 //! The robot with and without its gyroscope, beside each other.
 
-use super::super::tests::Bench;
+use super::super::tests::{Bench, clearing};
 use super::*;
 use crate::eeprom::fields;
+use crate::log::tests::transmitted;
 use crate::types::Millimetres;
 use crate::wire::{Command, Mode, State};
+use std::string::String;
 
 extern crate std;
 
@@ -12,11 +14,11 @@ extern crate std;
 struct Turned {
     bench: Bench,
     outcome: BusResult,
-    logged: std::string::String,
+    logged: String,
     noise: u8,
     frozen: bool,
     absent: bool,
-    settings: [u8; 2],
+    registers: [u8; 128],
 }
 
 impl Turned {
@@ -24,18 +26,24 @@ impl Turned {
         Self {
             bench: Bench::with(mode, &[(fields::GYRO, 1)]),
             outcome: BusResult::Done,
-            logged: std::string::String::new(),
+            logged: String::new(),
             noise: 0,
             frozen: false,
             absent: false,
-            settings: [0; 2],
+            registers: [0; 128],
         }
+    }
+
+    /// At rest until the bias is known.
+    fn rested(mode: Mode) -> Self {
+        let mut robot = Self::new(mode);
+        robot.ticks(200, 0, 0, 0);
+        robot
     }
 
     /// With a gyroscope that has agreed with the wheels over 30°.
     fn trusted() -> Self {
-        let mut robot = Self::new(Mode::GuardedNormal);
-        robot.ticks(200, 0, 0, 0);
+        let mut robot = Self::rested(Mode::GuardedNormal);
         robot.ticks(50, SPIN, -10, 10);
         robot
     }
@@ -46,9 +54,7 @@ impl Turned {
         let order = self.bench.robot.on_gyro(self.outcome, &mut self.bench.log);
         self.bench.roll(left, right);
         let _ = self.bench.tick();
-        let sent = self.bench.log.pending().len();
-        self.logged.push_str(self.bench.log());
-        self.bench.log.sent(sent);
+        self.logged += &transmitted(&mut self.bench.log);
         self.noise = (self.noise + u8::from(!self.frozen) * 3) % 7;
         self.outcome = match order {
             BusRequest::Idle | BusRequest::DriveLines { .. } | BusRequest::ReleaseLines => {
@@ -56,16 +62,13 @@ impl Turned {
             }
             _ if self.absent => BusResult::Nack,
             BusRequest::Write { register, value } => {
-                if let Some(setting) = self
-                    .settings
-                    .get_mut(usize::from(register.wrapping_sub(0x1A)))
-                {
-                    *setting = value;
-                }
+                self.registers[usize::from(register)] = value;
                 BusResult::Done
             }
             BusRequest::Read { register: 0x75, .. } => BusResult::Bytes([0x68, 0]),
-            BusRequest::Read { register: 0x1A, .. } => BusResult::Bytes(self.settings),
+            BusRequest::Read { register: 0x1A, .. } => {
+                BusResult::Bytes([self.registers[0x1A], self.registers[0x1B]])
+            }
             BusRequest::Read { .. } => {
                 BusResult::Bytes((rate + 77 + i16::from(self.noise)).to_be_bytes())
             }
@@ -85,6 +88,11 @@ impl Turned {
 
     fn heading_deg(&self) -> f64 {
         degrees(self.bench.robot.pose().heading.0.cast_signed())
+    }
+
+    /// The gyroscope's angle in the next reply.
+    fn angle(&mut self) -> Option<i32> {
+        self.bench.frame(&Command::default()).gyro.angle()
     }
 }
 
@@ -141,10 +149,7 @@ fn absent_gyro_is_fault_until_it_agrees_again() {
     robot.absent = true;
     robot.ticks(100, 0, 0, 0);
     assert_eq!(robot.faults(), Faults::GYRO_LOST);
-    let clear = Command {
-        clear_faults: Faults::ALL_BITS,
-        ..Command::default()
-    };
+    let clear = clearing(Faults::ALL_BITS, Command::default());
     robot.bench.frame(&clear);
     robot.tick(0, 0, 0);
     assert_eq!(robot.faults(), Faults::GYRO_LOST, "still");
@@ -159,16 +164,14 @@ fn absent_gyro_is_fault_until_it_agrees_again() {
 // Requirement: WIRE-fault-13
 #[test]
 fn contradicting_gyro_is_fault_but_not_slip_end() {
-    let mut robot = Turned::new(Mode::GuardedNormal);
-    robot.ticks(200, 0, 0, 0);
+    let mut robot = Turned::rested(Mode::GuardedNormal);
     robot.ticks(100, SPIN, -10, 10);
     // Held for 2 s with turning wheels.
     robot.ticks(190, 0, -10, 10);
     assert_eq!(robot.faults(), Faults::SLIP);
     robot.ticks(30, 0, -10, 10);
     assert_eq!(robot.faults(), Faults::SLIP | Faults::GYRO_LOST);
-    let mut upside_down = Turned::new(Mode::GuardedNormal);
-    upside_down.ticks(200, 0, 0, 0);
+    let mut upside_down = Turned::rested(Mode::GuardedNormal);
     // Three verifications of 10° by the wheels.
     upside_down.ticks(40, -SPIN, -10, 10);
     assert_eq!(upside_down.faults(), Faults::NONE);
@@ -179,8 +182,7 @@ fn contradicting_gyro_is_fault_but_not_slip_end() {
 #[test]
 fn turn_either_way_makes_the_gyro_trusted() {
     for way in [1, -1] {
-        let mut robot = Turned::new(Mode::GuardedNormal);
-        robot.ticks(200, 0, 0, 0);
+        let mut robot = Turned::rested(Mode::GuardedNormal);
         robot.ticks(50, SPIN * way, -10 * i32::from(way), 10 * way);
         let agrees = robot.logged.contains("gyro: agrees with the wheels\n");
         assert!(agrees, "{way}: {}", robot.logged);
@@ -282,31 +284,23 @@ fn gyro_not_configured_or_tuning_is_idle() {
 
 #[test]
 fn gyro_event_is_one_line_of_its_level() {
-    let ended =
-        |corrected| std::format!("I00000: slip over: heading corrected by {corrected} deg\n");
+    let bias = |rate| std::format!("I00000: gyro: bias {rate} deg/s\n");
+    let ended = |turn| std::format!("I00000: slip over: heading corrected by {turn} deg\n");
+    let alone = |cause| std::format!("W00000: gyro: {cause}, encoders alone\n");
     for (event, line) in [
-        (Event::BiasUpdated(0), "I00000: gyro: bias 0.00 deg/s\n"),
-        (
-            Event::BiasUpdated(-16_768),
-            "I00000: gyro: bias -1.00 deg/s\n",
-        ),
+        (Event::BiasUpdated(0), &*bias("0.00")),
+        (Event::BiasUpdated(-16_768), &bias("-1.00")),
         (Event::Trusted, "I00000: gyro: agrees with the wheels\n"),
         (Event::SlipStarted, "W00000: slip: heading by the gyro\n"),
         (Event::SlipEnded(1 << 30), &ended("90.00")),
         (Event::SlipEnded(-(1 << 29)), &ended("-45.00")),
         (Event::SlipEnded(5 << 32), &ended("1800.00")),
-        (
-            Event::SlipTimedOut,
-            "W00000: gyro: slip timed out, encoders alone\n",
-        ),
-        (
-            Event::Mismatch,
-            "W00000: gyro: contradicts the wheels, encoders alone\n",
-        ),
+        (Event::SlipTimedOut, &alone("slip timed out")),
+        (Event::Mismatch, &alone("contradicts the wheels")),
     ] {
         let mut log = Log::new();
         log_event(event, &mut log);
-        assert_eq!(std::str::from_utf8(log.pending()), Ok(line));
+        assert_eq!(transmitted(&mut log), line);
     }
 }
 
@@ -314,39 +308,36 @@ fn gyro_event_is_one_line_of_its_level() {
 #[test]
 fn reply_carries_the_gyros_angle() {
     let mut robot = Turned::new(Mode::GuardedVelocity);
-    let angle = |robot: &mut Turned| robot.bench.frame(&Command::default()).gyro.angle();
     robot.tick(0, 0, 0);
-    assert_eq!(angle(&mut robot), None);
+    assert_eq!(robot.angle(), None);
     robot.ticks(200, 0, 0, 0);
-    let before = angle(&mut robot).expect("an angle after the rest");
+    let before = robot.angle().expect("an angle after the rest");
     robot.ticks(50, SPIN, -10, 10);
-    let turned = angle(&mut robot).expect("an angle") - before;
+    let turned = robot.angle().expect("an angle") - before;
     // 30°, 2⁻²⁴ turns.
     let expected = (1 << 24) / 12;
     assert!((turned - expected).abs() < expected / 20, "{turned}");
     robot.absent = true;
     robot.ticks(10, 0, 0, 0);
-    assert_eq!(angle(&mut robot), None);
+    assert_eq!(robot.angle(), None);
     robot.absent = false;
     robot.ticks(1_000, 0, 0, 0);
-    let again = angle(&mut robot).expect("an angle again");
+    let again = robot.angle().expect("an angle again");
     assert!(again.abs() < expected / 20, "{again}");
 }
 
 // Requirement: WIRE-gyro-2
 #[test]
 fn angle_goes_on_through_missing_readings() {
-    let mut robot = Turned::new(Mode::GuardedVelocity);
-    robot.ticks(200, 0, 0, 0);
+    let mut robot = Turned::rested(Mode::GuardedVelocity);
     robot.ticks(5, SPIN, -10, 10);
     let mut turned = |absent| {
-        let angle = |robot: &mut Turned| robot.bench.frame(&Command::default()).gyro.angle();
-        let before = angle(&mut robot).expect("an angle");
+        let before = robot.angle().expect("an angle");
         for tick in 0..10 {
             robot.absent = absent && tick < 2;
             robot.tick(SPIN, -10, 10);
         }
-        angle(&mut robot).expect("an angle") - before
+        robot.angle().expect("an angle") - before
     };
     let (read, missed) = (turned(false), turned(true));
     assert!((read - missed).abs() < read / 100, "{read} {missed}");
@@ -370,9 +361,7 @@ fn gyro_is_read_in_every_mode_that_drives() {
 fn correction_beyond_its_type_keeps_its_sign_in_the_log() {
     let mut log = Log::new();
     log_event(Event::SlipEnded(1 << 61), &mut log);
-    let text = crate::log::tests::transmitted(&mut log);
-    assert!(
-        text.contains("corrected by ") && !text.contains('-'),
-        "{text}"
-    );
+    let text = transmitted(&mut log);
+    let is_positive = text.contains("corrected by ") && !text.contains('-');
+    assert!(is_positive, "{text}");
 }

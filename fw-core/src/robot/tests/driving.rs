@@ -24,12 +24,9 @@ impl Course {
     /// A tick: the motor commands.
     fn tick(&mut self) -> [MotorCommand; 2] {
         self.ticks += 1;
-        let motors = self.bench.motors();
+        let motors = motors(self.bench.tick());
         // 50 counts a tick at full duty.
-        let [left, right] = motors.map(|command| match command {
-            MotorCommand::Run(duty) => duty.hundredths() / 200,
-            MotorCommand::Coast | MotorCommand::Brake => 0,
-        });
+        let [left, right] = motors.map(|command| duty(command) / 200);
         self.bench.roll(left.into(), right);
         motors
     }
@@ -63,11 +60,8 @@ fn motors_follow_last_applied_target() {
         course.follow(&target, 40);
         assert_eq!(course.bench.robot.state(), State::Moving);
         // Another one that is not applied is not driven to.
-        let other = Command {
-            apply: false,
-            ..go(5000)
-        };
-        course.follow(&other, 20);
+        let apply = false;
+        course.follow(&Command { apply, ..go(5000) }, 20);
     }
 }
 
@@ -124,10 +118,9 @@ fn faults(bench: &Bench) -> Faults {
 fn given_up_after(bench: &mut Bench, command: &Command, roll: impl Fn(u32) -> (i32, i16)) -> u32 {
     let mut ticks = 0;
     while bench.robot.state() != State::Faulted {
-        // Repeated, the target has no more time.
-        bench.frame(command);
         bench.log = Log::new();
-        let running = runs(&bench.tick());
+        // Repeated, the target has no more time.
+        let running = runs(bench.drive(command));
         let moves = bench.robot.state() == State::Moving;
         assert!(ticks < 6000 && running == moves, "tick {ticks}");
         let (left, right) = roll(ticks);
@@ -147,27 +140,19 @@ fn target_that_is_not_reached_in_time_is_given_up() {
         // 13 mm/s: enough for the drive monitor, too slow for a metre and the 55 s that it may take.
         assert_eq!(given_up_after(&mut bench, &go(1000), |_| (2, 2)), 5477);
         for target in [1000, 500] {
-            bench.frame(&go(target));
-            assert_eq!(bench.motors(), BRAKE);
+            assert_eq!(motors(bench.drive(&go(target))), BRAKE);
         }
         if mode == Mode::GuardedNormal {
-            let clear_faults = Faults::NOT_ARRIVED;
-            bench.frame(&Command {
-                clear_faults,
-                ..go(1000)
-            });
-            assert_eq!(bench.motors(), BRAKE, "cleared, it is stopped");
-            bench.frame(&with_order(Order::Resume, go(1000)));
-            assert!(runs(&bench.tick()) && faults(&bench).is_empty());
+            let clear = clearing(Faults::NOT_ARRIVED, go(1000));
+            let outputs = bench.drive(&clear);
+            assert_eq!(motors(outputs), BRAKE, "cleared, it is stopped");
+            let outputs = bench.drive(&with_order(Order::Resume, go(1000)));
+            assert!(runs(outputs) && faults(&bench).is_empty());
             // One frame clears and orders.
             for order in [Order::Stop, Order::Resume] {
                 bench.raise(Faults::NOT_ARRIVED);
-                let clear = Command {
-                    clear_faults,
-                    ..go(1000)
-                };
-                bench.frame(&with_order(order, clear));
-                assert_eq!(runs(&bench.tick()), order == Order::Resume);
+                let outputs = bench.drive(&with_order(order, clear));
+                assert_eq!(runs(outputs), order == Order::Resume);
                 assert!(faults(&bench).is_empty(), "{order:?}");
             }
         }
@@ -194,8 +179,7 @@ fn new_target_has_the_time_of_its_own_way() {
     };
     let first = ahead(&bench);
     for _ in 0..5000 {
-        bench.frame(&first);
-        bench.tick();
+        bench.drive(&first);
         bench.roll(2, 2);
     }
     let second = ahead(&bench);
@@ -210,19 +194,15 @@ fn target_held_from_time_to_time_is_not_given_up() {
     // For two minutes pushed back by 13 mm again and again, from where the motors return.
     let mut pushes = 0;
     for _ in 0..12_000 {
-        bench.frame(&go(0));
-        if runs(&bench.tick()) {
+        if runs(bench.drive(&go(0))) {
             bench.roll(1, 1);
         } else if bench.robot.state() == State::Ready {
             pushes += 1;
             bench.roll(-200, -200);
         }
     }
-    assert_eq!(
-        (faults(&bench), pushes > 50),
-        (Faults::NONE, true),
-        "{pushes}"
-    );
+    assert_eq!(faults(&bench), Faults::NONE);
+    assert!(pushes > 50, "{pushes}");
 }
 
 /// The obstacle stop's 100 mm/s are just a quarter of the full speed; or it allows nothing, but the robot
@@ -247,14 +227,10 @@ fn time_runs_while_the_obstacle_stop_does_not_hold_back() {
 // Requirement: WIRE-fault-15
 #[test]
 fn time_does_not_run_before_an_obstacle() {
-    let stands = [(fields::BLIND_SPEED, 0)];
-    let mut bench = Bench::with(Mode::Normal, &stands);
+    let mut bench = Bench::with(Mode::Normal, &[(fields::BLIND_SPEED, 0)]);
     for _ in 0..12_000 {
-        bench.frame(&go(1000));
-        bench.tick();
+        bench.drive(&go(1000));
     }
-    assert_eq!(
-        (bench.robot.state(), faults(&bench)),
-        (State::Moving, Faults::NONE)
-    );
+    assert_eq!(bench.robot.state(), State::Moving);
+    assert_eq!(faults(&bench), Faults::NONE);
 }

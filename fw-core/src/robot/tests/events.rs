@@ -15,11 +15,9 @@ fn lost_frames_are_counted_logged_and_a_fault() {
     assert_eq!((counters.overrun, counters.accepted), (5, 1));
     assert_eq!(counters.frames(), 6);
     assert_eq!(bench.robot.faults(), Faults::FRAME_REJECTED);
-    assert_eq!(
-        bench.log(),
-        "W00000: 3 frames lost: not read in time\n\
-         W00001: 2 frames lost: not read in time\n"
-    );
+    let lines = "W00000: 3 frames lost: not read in time\n\
+                 W00001: 2 frames lost: not read in time\n";
+    assert_eq!(bench.log(), lines);
     let report = bench.frame(&Command::default());
     assert_eq!(report.faults, Faults::FRAME_REJECTED, "in the report");
 }
@@ -34,7 +32,7 @@ fn repeated_frame_is_a_fault_and_does_not_feed_the_deadline() {
         bench.receive(&frame[..len], 0);
         let rejected = bench.robot.faults() == Faults::FRAME_REJECTED;
         assert_eq!(rejected, tick > 0);
-        assert_eq!(runs(&bench.tick()), tick < 24, "{tick}");
+        assert_eq!(runs(bench.tick()), tick < 24, "{tick}");
     }
     assert!(bench.robot.faults().intersects(Faults::LINK_LOST));
 }
@@ -77,10 +75,6 @@ fn latched_fault_raised_again_changes_nothing() {
 #[test]
 fn dropped_log_lines_latch_fault_until_cleared() {
     let mut bench = Bench::new(Mode::GuardedNormal);
-    let clear = Command {
-        clear_faults: Faults::ALL_BITS,
-        ..Command::default()
-    };
     for dropped in [1, 2, 7] {
         bench.tick();
         assert!(bench.robot.faults().is_empty());
@@ -96,20 +90,15 @@ fn dropped_log_lines_latch_fault_until_cleared() {
             assert_eq!(bench.robot.faults(), Faults::LOG_DROPPED);
         }
         let _ = transmitted(&mut bench.log);
-        bench.frame(&clear);
+        bench.frame(&clearing(Faults::ALL_BITS, Command::default()));
     }
 }
 
 /// What the front rangefinder says of an echo of 10 ms.
 fn of_ten_milliseconds(bench: &mut Bench) -> f64 {
-    let trigger = (0..10).find_map(|_| {
-        let which = bench.tick().trigger?;
-        (which == RangefinderId::Front).then_some(bench.sample.now)
-    });
-    let rise = trigger.expect("its turn").after(500);
-    let robot = &mut bench.robot;
-    robot.on_echo(RangefinderId::Front, rise, rise.after(10_000));
-    match robot.rangefinders.reading(RangefinderId::Front).echo {
+    assert!((0..10).any(|_| bench.tick().trigger == Some(RangefinderId::Front)));
+    bench.echo(RangefinderId::Front, 10_000);
+    match bench.robot.rangefinders.reading(RangefinderId::Front).echo {
         Echo::Distance(distance) => distance.0.to_num(),
         echo => panic!("{echo:?}"),
     }

@@ -4,12 +4,12 @@
 //! `log_baud`, which the registers obey; `gyro` and `log_period`, which `slip_monitor` and `events` test;
 //! `bearing_right` and `bearing_left`, which only the Pi's map uses.
 
-use super::{Bench, tune};
+use super::{Bench, duty, motors, tune};
 use crate::eeprom::fields::*;
 use crate::eeprom::{FIELDS, Field, Image};
 use crate::robot::TickOutput;
-use crate::types::{Faults, MotorCommand, RangefinderId};
-use crate::wire::{Command, Mode, Report, State};
+use crate::types::{Faults, RangefinderId};
+use crate::wire::{Command, Mode, State};
 use std::f64::consts::{PI, TAU};
 use std::vec::Vec;
 
@@ -20,14 +20,6 @@ fn go(x_mm: i32, hundredths: u16) -> Command {
     let mut command = super::go(x_mm);
     command.expected.rotation = hundredths * 327;
     command
-}
-
-/// A motor's duty in hundredths of a percent; 0 for one that is not driven.
-fn duty(drive: MotorCommand) -> i32 {
-    match drive {
-        MotorCommand::Run(duty) => duty.hundredths().into(),
-        MotorCommand::Brake | MotorCommand::Coast => 0,
-    }
 }
 
 #[test]
@@ -54,11 +46,11 @@ fn platform_fields_are_all_tested() {
 
 /// Where so many counts of both wheels lead from rest: millimetres along x, and radians.
 fn rolled(changes: Changes, left: i32, right: i16) -> (f64, f64) {
+    // These encoders count up going forward, the first board's down.
     let forward = [(ENCODER_LEFT_REVERSED, 0), (ENCODER_RIGHT_REVERSED, 0)];
     let mut bench = Bench::with(Mode::Normal, &[&forward, changes].concat());
     for _ in 0..100 {
-        bench.sample.left = bench.sample.left.wrapping_add_signed(left);
-        bench.sample.right = bench.sample.right.wrapping_add_signed(right);
+        bench.roll(-left, -right);
         bench.tick();
     }
     let pose = bench.frame(&Command::default()).pose;
@@ -109,6 +101,11 @@ fn geometry_fields_scale_the_pose() {
     }
 }
 
+/// The duties of the first tick after this frame.
+fn first_duties(mode: Mode, changes: Changes, command: &Command) -> [i16; 2] {
+    motors(Bench::with(mode, changes).drive(command)).map(duty)
+}
+
 // Requirement: WIRE-platform-3
 #[test]
 fn sign_fields_reverse_encoders_and_motors() {
@@ -122,11 +119,7 @@ fn sign_fields_reverse_encoders_and_motors() {
     let (x, turn) = rolled(&[(ENCODER_RIGHT_REVERSED, 1)], 1, 1);
     assert!(x.abs() < 0.001 && turn < -0.1, "clockwise: {turn}");
 
-    let duties = |changes: Changes| {
-        let mut bench = Bench::with(Mode::TuneRotate, changes);
-        bench.frame(&tune(40.0));
-        bench.motors().map(duty)
-    };
+    let duties = |changes| first_duties(Mode::TuneRotate, changes, &tune(40.0));
     assert_eq!(duties(&[]), [-4000, 4000]);
     assert_eq!(duties(&[(MOTOR_LEFT_REVERSED, 1)]), [4000, 4000]);
     assert_eq!(duties(&[(MOTOR_RIGHT_REVERSED, 1)]), [-4000, -4000]);
@@ -155,17 +148,13 @@ fn swept(changes: Changes) -> Vec<(u16, u16)> {
     let mut bench = Bench::with(Mode::GuardedSweep, &[&[(SERVO, 1)], changes].concat());
     let (mut pulse, mut readings) = (0, Vec::new());
     while readings.len() < 10 {
-        bench.frame(&Command::default());
-        let TickOutput { servo, trigger, .. } = bench.tick();
+        let TickOutput { servo, trigger, .. } = bench.drive(&Command::default());
         if let Some(which) = trigger {
             assert_eq!(which, RangefinderId::Front);
-            let rise = bench.sample.now.after(500);
-            bench.robot.on_echo(which, rise, rise.after(6_000));
-            let mut report = Report::default();
+            bench.echo(which, 6_000);
             // The reply is one frame behind what it answers.
-            for _ in 0..2 {
-                report = bench.frame(&Command::default());
-            }
+            bench.frame(&Command::default());
+            let report = bench.frame(&Command::default());
             assert_ne!(report.ranges[0].0, 0xFFFF);
             readings.push((pulse, report.bearing));
         }
@@ -222,16 +211,11 @@ fn stop_deadline_field_sets_time() {
     }
 }
 
-/// The duties of the first tick towards a target.
-fn first_duties(changes: Changes, command: &Command) -> [i32; 2] {
-    let mut bench = Bench::with(Mode::Normal, changes);
-    bench.frame(command);
-    bench.motors().map(duty)
-}
-
 // Requirement: WIRE-platform-9, WIRE-eeprom-6
 #[test]
 fn dead_zone_and_limit_bound_the_duty() {
+    let first_duties =
+        |changes: Changes, command: &Command| first_duties(Mode::Normal, changes, command);
     let none: Changes = &[(DEAD_ZONE_LEFT, 0), (DEAD_ZONE_RIGHT, 0)];
     let near = go(6, 0);
     let [left, right] = first_duties(none, &near);
@@ -247,13 +231,13 @@ fn dead_zone_and_limit_bound_the_duty() {
     let far = go(3000, 0);
     let [left, right] = first_duties(none, &far);
     assert!(left > 9000 && right > 9000, "{left} {right}");
-    let cases: [(Changes, (i32, i32)); 2] = [
+    let cases: [(Changes, (i16, i16)); 2] = [
         (&[(LIMIT_LEFT, 4000)], (4000, 10_000)),
         (&[(LIMIT_RIGHT, 5000)], (10_000, 5000)),
     ];
     for (change, limits) in cases {
         for command in [&far, &go(0, 50)] {
-            let [left, right] = first_duties(change, command).map(i32::abs);
+            let [left, right] = first_duties(change, command).map(i16::abs);
             assert!(left <= limits.0 && right <= limits.1, "{left} {right}");
         }
     }
@@ -295,8 +279,7 @@ fn target_within_tolerance_is_reached() {
     let drives = |changes: Changes, command: &Command| {
         let mut bench = Bench::with(Mode::Normal, changes);
         for _ in 0..20 {
-            bench.frame(command);
-            bench.tick();
+            bench.drive(command);
         }
         bench.robot.state() == State::Moving
     };

@@ -15,8 +15,7 @@ fn swept(bench: &mut Bench, ticks: u32, frame_every: u32) -> (Vec<u16>, u32) {
         pulses += u32::from(outputs.servo.is_some());
         if let Some(which) = outputs.trigger {
             assert_eq!(which, RangefinderId::Front);
-            let rise = bench.sample.now.after(500);
-            bench.robot.on_echo(which, rise, rise.after(1_000));
+            bench.echo(which, 1_000);
             bearings.push(bench.robot.report.bearing);
         }
     }
@@ -32,14 +31,9 @@ fn sweeper() -> Bench {
 fn servo_scan_swings_while_link_is_alive() {
     let mut bench = sweeper();
     assert_eq!(swept(&mut bench, 100, 0), (Vec::new(), 0), "no frame yet");
-    let Report {
-        bearing, ranges, ..
-    } = bench.frame(&Command::default());
-    assert_eq!(
-        (bearing, ranges[0]),
-        (0, DistanceCode::NONE),
-        "no reading yet"
-    );
+    let report = bench.frame(&Command::default());
+    let front = (report.bearing, report.ranges[0]);
+    assert_eq!(front, (0, DistanceCode::NONE), "no reading yet");
     // Half a second to get to the first end, then a bearing every 60 ms: 18 steps of 10° there, and
     // back again.
     let (bearings, pulses) = swept(&mut bench, 50 + 37 * 6, 10);
@@ -57,11 +51,8 @@ fn servo_scan_swings_while_link_is_alive() {
 fn way_back_to_a_target_is_not_limited_in_length() {
     let mut bench = Bench::with(Mode::GuardedSweep, &[(fields::REVERSE_DISTANCE, 10)]);
     for _ in 0..40 {
-        bench.frame(&go(-500));
-        let [left, right] = bench.motors();
-        let is_back =
-            |command| matches!(command, MotorCommand::Run(duty) if duty.hundredths() < -500);
-        assert!(is_back(left) && is_back(right), "{left:?} {right:?}");
+        let duties = motors(bench.drive(&go(-500))).map(duty);
+        assert!(duties.iter().all(|&duty| duty < -500), "{duties:?}");
         bench.roll(-8, -8);
     }
 }

@@ -29,14 +29,12 @@ fn percentage_rounds_to_nearest_hundredth() {
 fn tuning_duty_sets_state_moving() {
     for mode in [Mode::TuneRotate, Mode::TuneMove] {
         let mut bench = Bench::new(mode);
-        for percent in [0.0, -20.0, 0.0] {
-            bench.frame(&tune(percent));
-            bench.tick();
-            let state = if percent < 0.0 {
-                State::Moving
-            } else {
-                State::Ready
-            };
+        for (percent, state) in [
+            (0.0, State::Ready),
+            (-20.0, State::Moving),
+            (0.0, State::Ready),
+        ] {
+            bench.drive(&tune(percent));
             assert_eq!(bench.robot.state(), state, "{percent}");
         }
     }
@@ -91,9 +89,8 @@ fn stop_order_ends_tuning_duty() {
     bench.frame(&tune(30.0));
     let stop = with_order(Order::Stop, tune(30.0));
     for (command, percent) in [(tune(30.0), "30.00"), (stop, "0.00"), (tune(30.0), "0.00")] {
-        bench.frame(&command);
         bench.log = Log::new();
-        bench.tick();
+        bench.drive(&command);
         // After a change of state there are two lines.
         let samples: Vec<&str> = bench.log().lines().filter(|l| l.contains(": T ")).collect();
         assert_eq!(samples.len(), 1);
@@ -110,21 +107,19 @@ fn tune_move_after_stop_holds_the_new_heading() {
     bench.ticks(30);
     assert_eq!(bench.robot.state(), State::Stopped);
     // Turned by hand: against the motors' order it would turn back.
-    bench.sample.right = bench.sample.right.wrapping_add_signed(300);
+    bench.roll(0, -300);
     bench.tick();
     bench.frame(&tune(0.0));
-    bench.frame(&tune(30.0));
-    assert_eq!(bench.motors(), [run(3000); 2]);
+    assert_eq!(motors(bench.drive(&tune(30.0))), [run(3000); 2]);
 }
 
 // Requirement: WIRE-status-2
 #[test]
 fn percentage_of_the_resuming_frame_is_driven() {
     let mut bench = Bench::new(Mode::GuardedTuneRotate);
-    bench.frame(&with_order(Order::Stop, tune(0.0)));
-    assert!(!runs(&bench.tick()));
-    bench.frame(&with_order(Order::Resume, tune(30.0)));
-    assert_eq!(bench.tick().right, run(3000));
+    assert!(!runs(bench.drive(&with_order(Order::Stop, tune(0.0)))));
+    let outputs = bench.drive(&with_order(Order::Resume, tune(30.0)));
+    assert_eq!(outputs.right, run(3000));
 }
 
 /// The cell is at 3.9 V.
@@ -203,10 +198,8 @@ fn measurement_beyond_its_type_keeps_its_sign() {
             bench.robot.measured = end;
             assert_eq!(bench.robot.thousandths() > 0, end > 0);
             let measured = f64::from_bits(bench.robot.measurement().0);
-            assert!(
-                measured.abs() > 1e9 && (measured > 0.0) == (end > 0),
-                "{measured}"
-            );
+            assert!(measured.abs() > 1e9, "{measured}");
+            assert_eq!(measured > 0.0, end > 0, "{measured}");
         }
     }
 }

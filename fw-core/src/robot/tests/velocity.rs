@@ -2,22 +2,29 @@
 
 use super::*;
 use crate::wire::GyroCode;
+use std::vec::Vec;
 
 fn drive(mm_s: i32) -> Command {
+    let mut drive = turn(0);
+    drive.velocity.forward = mm_s * 1000;
+    drive
+}
+
+/// Where it stands.
+fn turn(yaw_rate: i32) -> Command {
+    let velocity = Velocity {
+        forward: 0,
+        yaw_rate,
+    };
     Command {
-        velocity: Velocity {
-            forward: mm_s * 1000,
-            yaw_rate: 0,
-        },
+        velocity,
         ..Command::default()
     }
 }
 
-/// A sixteenth of a turn a second, where it stands.
+/// A sixteenth of a turn a second.
 fn spin() -> Command {
-    let mut spin = drive(0);
-    spin.velocity.yaw_rate = 1 << 28;
-    spin
+    turn(1 << 28)
 }
 
 /// Some ticks with a frame in each: whether the motors run, and the last report.
@@ -25,7 +32,7 @@ fn follow(bench: &mut Bench, command: &Command, ticks: u32) -> (bool, Report) {
     let mut last = (false, Report::default());
     for _ in 0..ticks {
         let report = bench.frame(command);
-        last = (runs(&bench.tick()), report);
+        last = (runs(bench.tick()), report);
     }
     last
 }
@@ -57,11 +64,11 @@ fn velocity_counts_again_one_frame_after_resume() {
 fn velocity_without_frames_brakes_at_deadline() {
     let mut bench = Bench::new(Mode::GuardedVelocity);
     follow(&mut bench, &drive(80), 5);
-    let running = (0..40).take_while(|_| runs(&bench.tick())).count();
+    let running = (0..40).take_while(|_| runs(bench.tick())).count();
     assert_eq!(running, 23);
     assert_eq!(bench.robot.state(), State::Stopped);
-    bench.frame(&with_order(Order::Resume, drive(0)));
-    assert_eq!(bench.motors(), BRAKE);
+    let outputs = bench.drive(&with_order(Order::Resume, drive(0)));
+    assert_eq!(motors(outputs), BRAKE);
 }
 
 #[test]
@@ -81,8 +88,7 @@ fn velocity_is_motion_from_its_first_tick_until_wheels_are_held() {
 fn zero_velocity_holds_wheels_and_is_ready() {
     let mut bench = Bench::new(Mode::GuardedVelocity);
     for _ in 0..30 {
-        bench.frame(&drive(0));
-        assert_eq!(bench.motors(), BRAKE);
+        assert_eq!(motors(bench.drive(&drive(0))), BRAKE);
         assert_eq!(bench.robot.state(), State::Ready);
     }
 }
@@ -92,9 +98,8 @@ fn yaw_rate_beyond_its_limit_is_clipped() {
     // A 256th of a turn a second.
     let mut bench = Bench::with(Mode::GuardedVelocity, &[(fields::MAX_YAW_RATE, 0x100)]);
     for (yaw_rate, clipped) in [(1 << 25, true), (1 << 24, false)] {
-        let mut turn = drive(0);
-        turn.velocity.yaw_rate = yaw_rate;
-        assert_eq!(follow(&mut bench, &turn, 5).1.clipped, clipped);
+        let (_, report) = follow(&mut bench, &turn(yaw_rate), 5);
+        assert_eq!(report.clipped, clipped);
     }
 }
 
@@ -104,8 +109,7 @@ fn obstacle_line_comes_with_the_report() {
     follow(&mut bench, &drive(10), 6);
     bench.log = Log::new();
     for _ in 0..20 {
-        bench.frame(&drive(150));
-        bench.tick();
+        bench.drive(&drive(150));
         let is_logged = bench.log().contains("obstacle: speed limited");
         assert_eq!(is_logged, bench.robot.report.obstacle_limited);
     }
@@ -116,8 +120,7 @@ fn obstacle_line_comes_with_the_report() {
 #[test]
 fn blind_speed_is_reported_and_logged() {
     let mut bench = Bench::new(Mode::GuardedVelocity);
-    bench.frame(&drive(150));
-    bench.tick();
+    bench.drive(&drive(150));
     let report = bench.frame(&drive(150));
     assert!(report.clipped, "by the first tick's acceleration");
     let (_, report) = follow(&mut bench, &drive(150), 3);
@@ -147,11 +150,8 @@ fn silent_front_sensor_is_blind_again() {
             let mut report = Report::default();
             for _ in 0..30 {
                 report = bench.frame(&drive(mm_s));
-                if let Some(which) = bench.tick().trigger
-                    && let Some(width) = echo_us
-                {
-                    let rise = bench.sample.now.after(500);
-                    bench.robot.on_echo(which, rise, rise.after(width));
+                if let (Some(which), Some(width)) = (bench.tick().trigger, echo_us) {
+                    bench.echo(which, width);
                 }
             }
             assert_eq!(report.obstacle_limited, limited, "{echo_us:?}");
@@ -162,9 +162,7 @@ fn silent_front_sensor_is_blind_again() {
 /// Awaits the front sensor's trigger and answers it with an echo of this width, microseconds.
 fn echo_ahead(bench: &mut Bench, width_us: u32) {
     assert!((0..100).any(|_| bench.tick().trigger == Some(RangefinderId::Front)));
-    let rise = bench.sample.now.after(500);
-    let fall = rise.after(width_us);
-    bench.robot.on_echo(RangefinderId::Front, rise, fall);
+    bench.echo(RangefinderId::Front, width_us);
 }
 
 // Requirement: WIRE-obstacle-2
@@ -189,8 +187,7 @@ fn echo_limits_the_second_tick_after_it() {
     let mut bench = Bench::new(Mode::GuardedVelocity);
     bench.frame(&drive(80));
     echo_ahead(&mut bench, 985);
-    bench.frame(&drive(80));
-    bench.tick();
+    bench.drive(&drive(80));
     assert!(!bench.robot.report.obstacle_limited);
     bench.tick();
     assert!(bench.robot.report.obstacle_limited);
@@ -204,12 +201,9 @@ fn pose_target_is_held_back_before_obstacle() {
     let mut limited = 0;
     for _ in 0..200 {
         limited += u32::from(bench.frame(&apply).obstacle_limited);
-        let outputs = bench.tick();
-        if let Some(which) = outputs.trigger {
-            let at = bench.sample.now;
+        if let Some(which) = bench.tick().trigger {
             // 170 mm: overhang and stop distance.
-            let fall = at.after(500 + 985);
-            bench.robot.on_echo(which, at.after(500), fall);
+            bench.echo(which, 985);
         }
     }
     assert!(limited > 150, "{limited}");
@@ -217,8 +211,7 @@ fn pose_target_is_held_back_before_obstacle() {
     assert!(!bench.robot.faults().intersects(Faults::BLOCKING));
     assert!(bench.log().contains("obstacle: speed limited\n"));
     for _ in 0..3 {
-        bench.frame(&with_order(Order::Stop, apply));
-        bench.tick();
+        bench.drive(&with_order(Order::Stop, apply));
     }
     assert!(!bench.frame(&apply).obstacle_limited, "standing");
 }
@@ -252,11 +245,8 @@ fn sweep_without_echoes_keeps_its_cycle_and_homing_is_silent() {
     };
     let mut bench = Bench::with(Mode::GuardedVelocity, &[(fields::SERVO, 1)]);
     let mut front = |ticks: core::ops::Range<u32>| {
-        let is_front = |_: &u32| {
-            bench.frame(&sweep);
-            bench.tick().trigger == Some(RangefinderId::Front)
-        };
-        ticks.filter(is_front).collect::<std::vec::Vec<_>>()
+        let is_front = |_: &u32| bench.drive(&sweep).trigger == Some(RangefinderId::Front);
+        ticks.filter(is_front).collect::<Vec<_>>()
     };
     // From the third on, past the first end.
     let ticks = front(0..400);
@@ -264,14 +254,9 @@ fn sweep_without_echoes_keeps_its_cycle_and_homing_is_silent() {
     assert!((0..100).any(|_| !front(0..1).is_empty()));
     bench.raise(Faults::LEFT_STALLED);
     bench.ticks(5);
-    let clear_faults = Faults::LEFT_STALLED;
-    bench.frame(&Command {
-        clear_faults,
-        ..sweep
-    });
+    bench.frame(&clearing(Faults::LEFT_STALLED, sweep));
     for tick in 0..50 {
-        bench.frame(&sweep);
-        assert_eq!(bench.tick().trigger, None, "{tick}");
+        assert_eq!(bench.drive(&sweep).trigger, None, "{tick}");
     }
 }
 
@@ -282,18 +267,18 @@ fn reversed_servo_is_triggered_at_the_same_times() {
         let mut bench = Bench::with(Mode::GuardedVelocity, &servo);
         let is_trigger = |tick: &u32| {
             let sweep = if *tick < 205 { 0x4000 } else { 0 };
-            bench.frame(&Command { sweep, ..drive(0) });
-            bench.tick().trigger.is_some()
+            let outputs = bench.drive(&Command { sweep, ..drive(0) });
+            outputs.trigger.is_some()
         };
-        (0..400).filter(is_trigger).collect::<std::vec::Vec<_>>()
+        (0..400).filter(is_trigger).collect::<Vec<_>>()
     });
     assert_eq!(ticks[0], ticks[1]);
 }
 
 /// Every trigger of some seconds, all answered: sensor, tick, bearing of the reading in degrees.
-fn triggers(sweep: u16, servo: u64, order: Order) -> std::vec::Vec<(RangefinderId, u32, f64)> {
+fn triggers(sweep: u16, servo: u64, order: Order) -> Vec<(RangefinderId, u32, f64)> {
     let mut bench = Bench::with(Mode::GuardedVelocity, &[(fields::SERVO, servo)]);
-    let mut all = std::vec::Vec::new();
+    let mut all = Vec::new();
     for tick in 0..400 {
         let report = bench.frame(&Command {
             sweep,
@@ -301,8 +286,7 @@ fn triggers(sweep: u16, servo: u64, order: Order) -> std::vec::Vec<(RangefinderI
             ..drive(0)
         });
         if let Some(which) = bench.tick().trigger {
-            let at = bench.sample.now;
-            bench.robot.on_echo(which, at.after(500), at.after(5000));
+            bench.echo(which, 4500);
             let bearing = report.bearing.cast_signed();
             all.push((which, tick, f64::from(bearing) * 360.0 / 65_536.0));
         }
@@ -325,9 +309,8 @@ fn sweep_keeps_commanded_width_and_every_sensor_cycle() {
         assert_eq!(all.len(), (last - first) as usize / 2 + 1, "every 20 ms");
         assert!(all.windows(2).all(|two| two[0].0 != two[1].0));
         for (sign, end) in [(-1.0, "right"), (1.0, "left")] {
-            let most = all
-                .iter()
-                .fold(0.0, |most, trigger| f64::max(most, sign * trigger.2));
+            let sides = all.iter().map(|trigger| sign * trigger.2);
+            let most = sides.fold(0.0, f64::max);
             assert!((most - width).abs() < 0.2, "{end}: {most}");
         }
     }

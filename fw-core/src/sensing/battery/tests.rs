@@ -8,6 +8,19 @@ fn words(first: f64, second: f64) -> [u16; 2] {
     [first * 33.0 / 43.0, (first + second) * 22.0 / 55.0].map(word)
 }
 
+/// The first board's battery after so many samples of these words.
+fn sampled(words: &[u16], samples: u8) -> Battery {
+    let mut battery = Battery::new(&first_board());
+    (0..samples).for_each(|_| battery.sample(words));
+    battery
+}
+
+/// The lowest cell, 2⁻¹⁶ V.
+fn lowest(battery: &Battery) -> u32 {
+    let cells = battery.voltages().iter();
+    cells.map(|volts| volts.0.to_bits()).min().unwrap()
+}
+
 fn volts(battery: &Battery, cell: u8) -> f64 {
     battery.cell(cell).unwrap().0.to_num()
 }
@@ -15,12 +28,9 @@ fn volts(battery: &Battery, cell: u8) -> f64 {
 #[test]
 fn first_board_cells_are_exact_to_an_adc_step() {
     for (first, second) in [(3.0, 3.1), (3.7, 3.7), (4.2, 4.2), (4.2, 0.0), (0.0, 0.0)] {
-        let mut battery = Battery::new(&first_board());
         // The filter settles on the new words.
-        battery.sample(&[4095, 0]);
-        for _ in 0..200 {
-            battery.sample(&words(first, second));
-        }
+        let mut battery = sampled(&[4095, 0], 1);
+        (0..200).for_each(|_| battery.sample(&words(first, second)));
         assert!((volts(&battery, 0) - first).abs() < 0.0006, "{first}");
         assert!((volts(&battery, 1) - second).abs() < 0.0017, "{second}");
         assert_eq!((battery.cells(), battery.cell(2)), (2, None));
@@ -74,9 +84,7 @@ fn tune_finds_the_actual_resistors() {
 fn low_cell_warns_with_hysteresis_and_cutoff_latches() {
     let mut battery = Battery::new(&first_board());
     let mut sample = |volts: f64, ticks: u32| {
-        for _ in 0..ticks {
-            battery.sample(&words(3.7, volts));
-        }
+        (0..ticks).for_each(|_| battery.sample(&words(3.7, volts)));
         (battery.low(), battery.empty())
     };
     for (volts, ticks, expected) in [
@@ -98,16 +106,12 @@ fn low_cell_warns_with_hysteresis_and_cutoff_latches() {
 #[test]
 fn cell_at_a_threshold_is_not_below_it() {
     let words = words(3.9, 4.0);
-    let mut battery = Battery::new(&first_board());
-    battery.sample(&words);
-    let cells = battery.voltages().iter().map(|volts| volts.0.to_bits());
-    let lowest = cells.min().unwrap();
+    let battery = sampled(&words, 1);
+    let lowest = lowest(&battery);
     for (limit, below) in [(lowest, false), (lowest + 1, true)] {
         let mut battery = battery.clone();
         (battery.warn, battery.cutoff) = (limit, limit);
-        for _ in 0..=DEBOUNCE_TICKS {
-            battery.sample(&words);
-        }
+        (0..=DEBOUNCE_TICKS).for_each(|_| battery.sample(&words));
         assert_eq!((battery.low(), battery.empty()), (below, below));
     }
 }
@@ -121,9 +125,7 @@ fn tap_without_words_is_not_a_low_cell() {
         (fields::TAP_4_UPPER, 0),
         (fields::TAP_4_LOWER, 1),
     ]));
-    for _ in 0..1000 {
-        battery.sample(&words(3.7, 3.7));
-    }
+    (0..1000).for_each(|_| battery.sample(&words(3.7, 3.7)));
     assert!(!battery.low() && !battery.empty());
     assert_eq!(battery.cell(3).unwrap().0, 0);
 }
@@ -134,9 +136,7 @@ fn battery_unread_for_half_a_second_is_empty() {
     let mut battery = Battery::new(&first_board());
     for missing in [0, 1, DEBOUNCE_TICKS - 1, DEBOUNCE_TICKS] {
         battery.sample(&words(3.7, 3.7));
-        for _ in 0..missing {
-            battery.sample(&[]);
-        }
+        (0..missing).for_each(|_| battery.sample(&[]));
         let unread = missing == DEBOUNCE_TICKS;
         assert_eq!((battery.low(), battery.empty()), (unread, unread));
     }
@@ -151,8 +151,7 @@ fn battery_unread_for_half_a_second_is_empty() {
 #[test]
 fn cell_of_0_v_is_empty() {
     for words in [words(3.7, 0.0), words(0.0, 3.7), [0; 2]] {
-        let mut battery = Battery::new(&first_board());
-        (0..DEBOUNCE_TICKS).for_each(|_| battery.sample(&words));
+        let battery = sampled(&words, DEBOUNCE_TICKS);
         assert!(battery.low() && battery.empty(), "{words:?}");
     }
 }
@@ -209,15 +208,12 @@ fn factor_scales_to_nearest_at_every_exponent() {
 
 #[test]
 fn reading_takes_80_ms_and_warning_ends_50_mv_above() {
-    let mut battery = Battery::new(&first_board());
-    battery.sample(&[0, 0]);
+    let mut battery = sampled(&[0, 0], 1);
     (0..8).for_each(|_| battery.sample(&words(4.0, 4.0)));
     let share = 1.0 - (7.0_f64 / 8.0).powi(8);
     assert!((volts(&battery, 0) - 4.0 * share).abs() < 0.005);
-    let mut battery = Battery::new(&first_board());
-    battery.sample(&words(4.0, 3.9));
-    let cells = battery.voltages().iter().map(|volts| volts.0.to_bits());
-    let lowest = cells.min().unwrap();
+    let battery = sampled(&words(4.0, 3.9), 1);
+    let lowest = lowest(&battery);
     for (above, low) in [(3276, true), (3277, false)] {
         let mut battery = battery.clone();
         (battery.warn, battery.low) = (lowest - above, true);
@@ -229,8 +225,7 @@ fn reading_takes_80_ms_and_warning_ends_50_mv_above() {
 // Requirement: WIRE-battery-2
 #[test]
 fn tap_below_its_neighbour_can_be_tuned() {
-    let mut battery = Battery::new(&first_board());
-    battery.sample(&[3428, 1000]);
+    let battery = sampled(&[3428, 1000], 1);
     assert!(battery.tap(1) < battery.tap(0));
     assert!(battery.tune(1, Volts(U16F16::from_num(3.9))).is_some());
 }

@@ -27,8 +27,8 @@ fn turn(degrees: f64) -> i32 {
     (degrees / 360.0 * 4_294_967_296.0).round() as i32
 }
 
-fn degrees(turn: i32) -> f64 {
-    f64::from(turn) / 4_294_967_296.0 * 360.0
+fn degrees(turn: i64) -> f64 {
+    turn as f64 / 4_294_967_296.0 * 360.0
 }
 
 impl Simulation {
@@ -71,11 +71,10 @@ impl Simulation {
 
     fn tick(&mut self, reading: Option<i16>, robot: f64, wheels: f64) {
         let counts = if wheels == 0.0 { 0 } else { 10 };
-        let (correction, event) =
-            self.gyro
-                .step(reading, &Delta::rolled(-counts, counts), turn(wheels));
-        self.corrected += degrees(correction.heading);
-        self.tick_turn = degrees(correction.tick);
+        let delta = Delta::rolled(-counts, counts);
+        let (correction, event) = self.gyro.step(reading, &delta, turn(wheels));
+        self.corrected += degrees(correction.heading.into());
+        self.tick_turn = degrees(correction.tick.into());
         self.owed += robot - wheels;
         self.events.extend(event);
     }
@@ -205,7 +204,7 @@ fn slip_is_corrected_within_the_scale_error() {
         let [Event::SlipStarted, Event::SlipEnded(sum)] = sim.events[..] else {
             panic!("{:?}", sim.events);
         };
-        assert!((sum as f64 * 360.0 / 4_294_967_296.0 - sim.corrected).abs() < 1e-6);
+        assert!((degrees(sum) - sim.corrected).abs() < 1e-6);
         sim.corrected = 0.0;
         sim.run(500, 0.5, 0.5);
         assert_eq!(sim.corrected, 0.0);
@@ -254,10 +253,9 @@ fn slip_of_two_seconds_with_turning_wheels_times_out() {
     assert!((sim.corrected + 1.6).abs() < 0.05 && (sim.tick_turn + 0.8).abs() < 0.05);
     sim.run(190, 0.0, 0.8);
     sim.run(10, 0.8, 0.8);
-    assert!(matches!(
-        sim.events[..],
-        [Event::SlipStarted, Event::SlipEnded(_)]
-    ));
+    let [Event::SlipStarted, Event::SlipEnded(_)] = sim.events[..] else {
+        panic!("{:?}", sim.events);
+    };
     // Pauses of the wheels neither count nor restart the time.
     let mut sim = Simulation::trusted();
     for round in 1..=101 {
@@ -378,7 +376,7 @@ fn reading_is_converted_to_the_nearest_turn() {
 // Requirement: WIRE-gyro-2
 #[test]
 fn angle_starts_with_first_bias_and_keeps_its_past() {
-    let degrees = |sim: &Simulation| sim.gyro.angle().unwrap() as f64 / 4_294_967_296.0 * 360.0;
+    let degrees = |sim: &Simulation| degrees(sim.gyro.angle().unwrap());
     let mut sim = Simulation::new();
     sim.scale = 1.0;
     sim.run(83, 0.0, 0.0);

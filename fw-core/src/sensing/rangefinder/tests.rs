@@ -121,37 +121,31 @@ fn distance_follows_the_temperature_from_40_below_to_85() {
 fn edges_of_no_echo_are_ignored() {
     let start = Micros(7 * TICK);
     let before = Micros(start.0 - 500);
+    let late = start.after(MAX_RISE_DELAY + 1);
     for (rise, fall) in [
         (before, start.after(5_000)),
-        (
-            start.after(MAX_RISE_DELAY + 1),
-            start.after(MAX_RISE_DELAY + 5_000),
-        ),
+        (late, late.after(4_999)),
         (start.after(500), start.after(500 + (1 << 20) + 1)),
     ] {
         let mut rangefinders = triggered(start);
         rangefinders.echo(Front, rise, fall);
         assert_eq!(rangefinders.reading(Front).echo, Echo::NotMeasured);
         rangefinders.echo(Front, start.after(500), start.after(5_500));
-        assert!(matches!(
-            rangefinders.reading(Front).echo,
-            Echo::Distance(_)
-        ));
+        let echo = rangefinders.reading(Front).echo;
+        assert!(matches!(echo, Echo::Distance(_)));
     }
 }
 
 #[test]
 fn counts_beyond_their_type_stay_at_its_end() {
-    let mut stats = EchoStats {
+    let most = EchoStats {
         missing: u32::MAX,
         consecutive_misses: u8::MAX,
         ..EchoStats::default()
     };
+    let mut stats = most;
     stats.count(Echo::Missing);
-    assert_eq!(
-        (stats.missing, stats.consecutive_misses),
-        (u32::MAX, u8::MAX)
-    );
+    assert_eq!(stats, most);
 }
 
 #[test]

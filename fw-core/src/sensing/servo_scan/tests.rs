@@ -18,6 +18,11 @@ struct Servo {
 }
 
 impl Servo {
+    fn at(angle: f64) -> Self {
+        let target = angle;
+        Self { angle, target }
+    }
+
     fn turn(&mut self, us: u32) {
         let most = f64::from(us) * 60.0 / 150_000.0;
         self.angle += (self.target - self.angle).clamp(-most, most);
@@ -42,10 +47,7 @@ fn degrees(bearing: u16) -> f64 {
 fn scanned(config: &Config, ticks: u32, start: f64) -> Vec<(u32, f64, f64)> {
     let mut scan = ServoScan::new(config, true);
     let mut rangefinders = Rangefinders::new(1);
-    let mut servo = Servo {
-        angle: start,
-        target: start,
-    };
+    let mut servo = Servo::at(start);
     let mut all = Vec::new();
     for k in 0..ticks {
         let now = Micros(k * 10_000);
@@ -151,17 +153,14 @@ fn late_trigger_keeps_the_settling_and_listening_times() {
 fn width_beyond_travel_is_cut_to_it() {
     for reversed in [0, 1] {
         for travel in [0x8000, 0x2AAA] {
-            let mut scan = ServoScan::new(
-                &config_with(&[
-                    (fields::SERVO, 1),
-                    (fields::SERVO_REVERSED, reversed),
-                    (fields::SERVO_TRAVEL, travel),
-                ]),
-                true,
-            );
+            let config = config_with(&[
+                (fields::SERVO, 1),
+                (fields::SERVO_REVERSED, reversed),
+                (fields::SERVO_TRAVEL, travel),
+            ]);
+            let mut scan = ServoScan::new(&config, true);
             scan.set_width(0x7000);
-            let half = travel / 2;
-            assert_eq!(u64::from(scan.commanded), half, "{reversed}");
+            assert_eq!(u64::from(scan.commanded), travel / 2, "{reversed}");
         }
     }
 }
@@ -170,7 +169,7 @@ fn width_beyond_travel_is_cut_to_it() {
 #[test]
 fn changed_width_counts_from_the_next_step_on() {
     let mut scan = ServoScan::new(&with_servo(), true);
-    let (mut angle, mut target, mut last) = (0.0, 0.0, None::<f64>);
+    let (mut servo, mut last) = (Servo::at(0.0), None::<f64>);
     for width in [90.0_f64, 30.0, 60.0, 0.0, 20.0, 75.0, 45.0] {
         scan.set_width((width * 65_536.0 / 360.0) as u16);
         let (mut most, mut bearings) = (0.0_f64, std::collections::BTreeSet::new());
@@ -179,15 +178,11 @@ fn changed_width_counts_from_the_next_step_on() {
             if tick > 400 && last.is_some_and(|last| last < 0.2 - width) {
                 break;
             }
-            let mut servo = Servo { angle, target };
             let pulse = scan.tick(true);
             if let Some(bearing) = scan.settled_bearing().map(degrees) {
                 scan.triggered();
-                assert!(
-                    (bearing - servo.angle).abs() < 0.2,
-                    "{bearing}: it is at {}",
-                    servo.angle
-                );
+                let off = bearing - servo.angle;
+                assert!(off.abs() < 0.2, "{bearing}: off by {off}");
                 // One reading may have begun before; the next are beside it.
                 if tick >= 12 {
                     most = most.max(bearing.abs());
@@ -198,14 +193,9 @@ fn changed_width_counts_from_the_next_step_on() {
                 last = Some(bearing);
             }
             servo.tick(pulse);
-            (angle, target) = (servo.angle, servo.target);
         }
         assert!((most - width).abs() < 0.2, "{width}: {most}");
-        let steps = if width == 0.0 {
-            0
-        } else {
-            (width / 5.0) as usize
-        };
+        let steps = (width / 5.0) as usize;
         assert_eq!(bearings.len(), steps + 1, "{width}: {bearings:?}");
     }
 }

@@ -67,13 +67,11 @@ fn reverse_is_chosen_for_less_turning_up_to_1500_mm() {
             let turned: f64 = if reverse { bearing - 180.0 } else { bearing };
             let turned = (turned + 180.0).rem_euclid(360.0) - 180.0;
             assert!((forward - ahead / 100.0 * gate(turned)).abs() < ROUNDING);
-            // Half a turn may go either way.
-            let turn = if turned.abs() > 179.9 {
-                turn.copysign(turned)
-            } else {
-                turn
-            };
-            let off = turn - turned.clamp(-50.0, 50.0);
+            let mut off = turn - turned.clamp(-50.0, 50.0);
+            if turned.abs() > 179.9 {
+                // Half a turn may go either way.
+                off = turn.abs() - 50.0;
+            }
             assert!(off.abs() < ROUNDING, "{bearing} {distance} {rotation}");
         }
     }
@@ -95,8 +93,7 @@ fn equal_turning_goes_nose_first() {
 
 #[test]
 fn direction_of_travel_is_chosen_once() {
-    let mut controller = controller(0.01, 1.0);
-    controller.set_target(pose(-1000.0, 0.0, 0.0));
+    let mut controller = aimed(&gains(0.01, 1.0, 0.0), pose(-1000.0, 0.0, 0.0));
     assert_outputs(controller.drive(&pose(0.0, 0.0, 0.0), &STILL), -10.0, 0.0);
     for (heading, turn) in [(20.0, -20.0), (100.0, -50.0), (-100.0, 50.0), (-20.0, 20.0)] {
         let commands = controller.drive(&pose(0.0, 0.0, heading), &rolling(0.0, 0.0));
@@ -149,11 +146,9 @@ fn distance_of_a_speed_is_its_damping_and_half_its_duty_over_p() {
         (0.001, 256.0),
     ] {
         let config = config_with(&[(fields::FORWARD_P, f64::to_bits(p))]);
-        let found = f64::from(distance_per_speed(&config)) / 65536.0;
-        assert!(
-            (found / expected_mm - 1.0).abs() < 1e-4,
-            "{found} {expected_mm}"
-        );
+        let found_mm = f64::from(distance_per_speed(&config)) / 65536.0;
+        let off = found_mm / expected_mm - 1.0;
+        assert!(off.abs() < 1e-4, "{found_mm} {expected_mm}");
     }
 }
 
@@ -162,9 +157,12 @@ fn planned_turn_rate_ends_during_the_approach() {
     let mut controller = aimed(&gains(0.0, 1.0, 10.0), pose(0.0, 0.0, 90.0));
     // A turn on the spot, a push, and the way back: the final approach begins without a turn.
     for (x, ticks) in [(0.0, 20), (-100.0, 50)] {
-        for _ in 0..ticks {
-            let _ = controller.drive(&pose(x, 0.0, 0.0), &rolling(0.0, 0.0));
-        }
+        drive(
+            &mut controller,
+            &pose(x, 0.0, 0.0),
+            &rolling(0.0, 0.0),
+            ticks,
+        );
     }
     assert!(matches!(controller.phase, Phase::Approach { .. }));
     let commands = controller.drive(&pose(-30.0, 0.0, 0.0), &rolling(0.0, 0.0));

@@ -18,8 +18,8 @@ fn final_approach_begins_at_40_mm() {
             for (distance, close) in [(100.0, false), (40.1, false), (39.9, true), (8.0, true)] {
                 // From an approach, and as the first pose.
                 for approaches in [true, false] {
-                    let mut controller = controller(0.01, 1.0);
-                    controller.set_target(seen_from(stand, (distance * c, distance * s, bearing)));
+                    let target = seen_from(stand, (distance * c, distance * s, bearing));
+                    let mut controller = aimed(&gains(0.01, 1.0, 0.0), target);
                     if approaches {
                         let far = seen_from(stand, (-300.0 * c, -300.0 * s, 0.0));
                         let _ = controller.drive(&far, &rolling(0.0, 0.0));
@@ -63,10 +63,8 @@ fn final_approach_holds_its_bearing_and_gates_at_8_degrees() {
             let distance = (30.0 - ahead) * c + (10.0 - left) * s;
             let expected = distance * (1.0 - off.abs() / 8.0).max(0.0);
             let (forward, rotation) = outputs(commands).expect("it is driven");
-            assert!(
-                (forward - expected).abs() < 0.09,
-                "{forward}, not {expected}"
-            );
+            let is_near = (forward - expected).abs() < 0.09;
+            assert!(is_near, "{forward}, not {expected}");
             assert!((rotation - off).abs() < 0.02, "{rotation}, not {off}");
         }
     }
@@ -74,8 +72,7 @@ fn final_approach_holds_its_bearing_and_gates_at_8_degrees() {
 
 #[test]
 fn final_approach_keeps_the_reverse_direction() {
-    let mut controller = controller(1.0, 1.0);
-    controller.set_target(pose(-200.0, 0.0, 0.0));
+    let mut controller = aimed(&gains(1.0, 1.0, 0.0), pose(-200.0, 0.0, 0.0));
     let _ = controller.drive(&pose(0.0, 0.0, 0.0), &rolling(0.0, 0.0));
     let commands = controller.drive(&pose(-170.0, 0.0, 0.0), &rolling(-0.3, 0.0));
     let heading = Turns(0);
@@ -139,10 +136,8 @@ fn before_target(before: f64, heading_error: f64) -> Pose {
 
 /// A controller that starts at that pose.
 fn start(config: &Config, before: f64, heading_error: f64) -> (PoseController, Pose) {
-    (
-        aimed(config, on(TARGET)),
-        before_target(before, heading_error),
-    )
+    let here = before_target(before, heading_error);
+    (aimed(config, on(TARGET)), here)
 }
 
 #[test]
@@ -234,25 +229,20 @@ fn arrival_takes_50_ms_at_rest_within_both_tolerances() {
 
 #[test]
 fn arrival_one_count_is_rest_and_two_restart_the_50_ms() {
-    let moved = [
-        (1, 1),
-        (-1, 1),
-        (-1, -1),
-        (2, 0),
-        (-2, 0),
-        (0, 2),
-        (0, -2),
-        (-7, 7),
-    ];
-    for (nth, (left, right)) in moved.into_iter().enumerate() {
-        let arrival = if nth < 3 { 5 } else { 8 };
+    for (left, right, arrival) in [
+        (1, 1, 5),
+        (-1, 1, 5),
+        (-1, -1, 5),
+        (2, 0, 8),
+        (-2, 0, 8),
+        (0, 2, 8),
+        (0, -2, 8),
+        (-7, 7, 8),
+    ] {
         let (mut controller, here) = start(&gains(1.0, 1.0, 0.0), 0.0, 0.0);
+        let moved = Delta::rolled(left, right);
         for tick in 1..=8 {
-            let delta = if tick == 3 {
-                Delta::rolled(left, right)
-            } else {
-                STILL
-            };
+            let delta = if tick == 3 { moved } else { STILL };
             let _ = controller.drive(&here, &delta);
             assert_eq!(controller.arrived(), tick >= arrival, "{left} {right}");
         }
@@ -318,9 +308,7 @@ fn derivative_counts_from_the_planned_turn_rate() {
         let commands = other.drive(&here, &rolling(0.0, 0.0));
         assert_outputs(commands, 0.0, f64::copysign(0.1, most));
         // A turn as planned is not opposed, once the filter has settled.
-        for _ in 0..60 {
-            let _ = controller.drive(&here, &rolling(0.0, most));
-        }
+        drive(&mut controller, &here, &rolling(0.0, most), 60);
         assert_outputs(controller.drive(&here, &rolling(0.0, most)), 0.0, 0.0);
     }
 }

@@ -11,9 +11,7 @@ fn holding(widened: bool) -> (PoseController, Pose) {
     let target = on(TARGET);
     let mut controller = aimed(&gains(1.0, 1.0, 0.0), target);
     controller.widened = widened;
-    for _ in 0..5 {
-        let _ = controller.drive(&target, &STILL);
-    }
+    drive(&mut controller, &target, &STILL, 5);
     assert!(controller.arrived());
     (controller, target)
 }
@@ -73,19 +71,14 @@ fn final_rotation_and_hold_begin_without_an_integral() {
     let mut held = fresh.clone();
     let aside = seen_from(TARGET, (-5.0, 0.0, 20.0));
     let first = fresh.drive(&aside, &rolling(0.0, 0.0));
-    for _ in 0..20 {
-        let _ = held.drive(&aside, &rolling(0.0, 0.0));
-    }
-    for _ in 0..5 {
-        let _ = held.drive(&target, &STILL);
-    }
+    drive(&mut held, &aside, &rolling(0.0, 0.0), 20);
+    drive(&mut held, &target, &STILL, 5);
     assert!(held.arrived());
     assert_eq!(held.drive(&aside, &rolling(0.0, 0.0)), first);
     // In the final approach the bearing is the heading: only the forward PID integrates.
     let mut approaching = aimed(&config, target);
-    for _ in 0..20 {
-        let _ = approaching.drive(&seen_from(TARGET, (-30.0, 0.0, 0.0)), &rolling(0.0, 0.0));
-    }
+    let before = seen_from(TARGET, (-30.0, 0.0, 0.0));
+    drive(&mut approaching, &before, &rolling(0.0, 0.0), 20);
     let _ = approaching.drive(&target, &rolling(0.0, 0.0));
     assert_eq!(approaching.phase, Phase::FinalRotation);
     let commands = approaching.drive(&aside, &rolling(0.0, 0.0));

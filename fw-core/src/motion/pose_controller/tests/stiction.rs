@@ -33,9 +33,7 @@ fn boost_in_the_final_approach_pushes_both_axes() {
 fn boost_restarts_after_a_count_of_either_wheel() {
     for (left, right) in [(1, 0), (-1, 0), (0, 1), (0, -1), (5, -5)] {
         let (mut controller, here) = stuck(20.0, turns(5.0));
-        for _ in 0..20 {
-            let _ = controller.drive(&here, &STILL);
-        }
+        drive(&mut controller, &here, &STILL, 20);
         assert_outputs(controller.drive(&here, &STILL), boost(21), boost(21));
         let commands = controller.drive(&here, &Delta::rolled(left, right));
         assert_outputs(commands, 0.0, 0.0);
@@ -49,12 +47,8 @@ fn boost_restarts_after_a_count_of_either_wheel() {
 #[test]
 fn boost_forward_needs_an_open_gate_and_a_distance() {
     let back = turns(-20.0);
-    for (ahead, error) in [
-        (20.0, 8 * DEGREE),
-        (-20.0, 8 * DEGREE),
-        (-20.0, back),
-        (0.0, 0),
-    ] {
+    let gate = 8 * DEGREE;
+    for (ahead, error) in [(20.0, gate), (-20.0, gate), (-20.0, back), (0.0, 0)] {
         let side = f64::from(error.signum());
         let (mut controller, here) = stuck(ahead, error);
         // A travel without counts keeps the phase.
