@@ -290,14 +290,7 @@ impl State {
             address = u8::try_from(to).map_err(|_| EINVAL)?;
             messages.push((flags & READ != 0, data.to_vec()));
         }
-        let mut operations = Vec::new();
-        for (read, data) in &mut messages {
-            operations.push(if *read {
-                I2cOperation::Read(data)
-            } else {
-                I2cOperation::Write(data)
-            });
-        }
+        let mut operations: Vec<_> = messages.iter_mut().map(operation).collect();
         let outcome = self.board.i2c().transaction(address, &mut operations);
         outcome.map_err(|cause| match cause {
             I2cError::NoAddress | I2cError::NoData => EREMOTEIO,
@@ -305,6 +298,14 @@ impl State {
             I2cError::Ended(_) => EIO,
         })?;
         Ok(messages.into_iter().flat_map(|(_, data)| data).collect())
+    }
+}
+
+fn operation((read, data): &mut (bool, Vec<u8>)) -> I2cOperation<'_> {
+    if *read {
+        I2cOperation::Read(data)
+    } else {
+        I2cOperation::Write(data)
     }
 }
 

@@ -50,19 +50,20 @@ impl GyroAngle {
             return;
         }
         self.rest_ticks += 1;
-        if self.rest_ticks > SETTLING_TICKS {
-            self.sum += reading;
-            let (low, high) = self.extremes;
-            self.extremes = (low.min(reading), high.max(reading));
-            if self.rest_ticks < SETTLING_TICKS + BLOCK {
-                return;
-            }
+        if self.rest_ticks <= SETTLING_TICKS {
+            (self.sum, self.extremes) = (0.0, (reading, reading));
+            return;
+        }
+        self.sum += reading;
+        let (low, high) = self.extremes;
+        self.extremes = (low.min(reading), high.max(reading));
+        if self.rest_ticks == SETTLING_TICKS + BLOCK {
             if self.extremes.1 - self.extremes.0 <= MAX_SPREAD_DEG_S {
                 self.bias_deg_s = Some(self.sum / f64::from(BLOCK));
             }
             self.rest_ticks = SETTLING_TICKS;
+            (self.sum, self.extremes) = (0.0, (reading, reading));
         }
-        (self.sum, self.extremes) = (0.0, (reading, reading));
     }
 
     /// Radians counter-clockwise since the first bias; `None` before.
