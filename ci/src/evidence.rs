@@ -93,7 +93,7 @@ impl Sources {
         for (path, text) in files {
             let names: Vec<_> = path.split(['/', '.']).collect();
             let module = match names[..] {
-                _ if path.contains("/tests") || path.contains("/simulation") => continue,
+                _ if path.contains("/tests") => continue,
                 ["fw-core", _, module, ..] => format!("fw_core::{module}"),
                 [.., file, _] => file.to_owned(),
                 _ => continue,

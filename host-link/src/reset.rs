@@ -53,3 +53,19 @@ pub fn restart(io: &mut BoardIo, timeout_ms: u32) -> Result<u32, Error> {
     pulse(io)?;
     await_ready(io, timeout_ms)
 }
+
+// Requirement: WIRE-ready-3
+#[test]
+fn reset_line_that_cannot_be_held_is_released() {
+    use crate::mock_board::{injected, mock_board};
+    use std::{cell::Cell, rc::Rc};
+
+    let (_, mut io) = mock_board(&fw_core::eeprom::Image::FIRST_BOARD, None);
+    let released = Rc::new(Cell::new(false));
+    let level = Rc::clone(&released);
+    io.reset = crate::board_io::output(move |high| {
+        level.set(high);
+        high.then_some(()).ok_or_else(injected)
+    });
+    assert!(pulse(&mut io).is_err() && released.get());
+}

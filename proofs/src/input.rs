@@ -206,11 +206,14 @@ macro_rules! structures {
     )*};
 }
 
+use fixed::types::{I16F16, I32F32};
 use fw_core::binary64::Binary64;
 use fw_core::motion::ArrivalTimer;
 use fw_core::motion::obstacle_limit::Track;
+use fw_core::motion::pose_controller::state::{Phase, PoseState};
+use fw_core::motion::pose_controller::stiction::{LowPass, RateProfile, StictionBoost};
 use fw_core::motion::velocity_controller::VelocityRamp;
-use fw_core::types::{Faults, Micros, Turns, Velocity};
+use fw_core::types::{Delta, Faults, Micros, Millimetres, Pose, Turns, Velocity};
 use fw_core::wire::strategy::Context;
 use fw_core::wire::{
     CellCode, Command, DistanceCode, GyroCode, Mode, Order, PoseCode, Report, Sequence, Setup,
@@ -233,19 +236,38 @@ impl Input for Binary64 {
     }
 }
 
-impl Input for Faults {
-    fn draw(source: &mut impl Source) -> Self {
-        Self::from_bits(Input::draw(source))
-    }
+macro_rules! fixed {
+    ($($name:ty),*) => {$(
+        impl Input for $name {
+            fn draw(source: &mut impl Source) -> Self {
+                Self::from_bits(Input::draw(source))
+            }
+        }
+    )*};
 }
 
-wrappers!(Micros, Turns, DistanceCode, GyroCode);
+fixed!(Faults, I16F16, I32F32);
+wrappers!(
+    Micros,
+    Turns,
+    Millimetres,
+    DistanceCode,
+    GyroCode,
+    LowPass,
+    RateProfile
+);
 
 structures! {
     PoseCode { x, y, rotation }
     CellCode { cell, voltage }
     Sequence { own, seen }
     Velocity { forward, yaw_rate }
+    Pose { x, y, heading }
+    Delta { left, right, travel, turn }
+    StictionBoost { rest_ticks, boost }
+    PoseState {
+        phase, widened, settled_ticks, speed, turn_rate, planned_turn, forward_boost, rotation_boost,
+    }
     ArrivalTimer { speed, pace, turns, left }
     VelocityRamp { max_speed, max_yaw_rate, speed_step, yaw_step }
     Track { ahead, fresh, turned, misses, backward, forward, max_forward }
@@ -288,6 +310,19 @@ impl Input for State {
             2 => Self::Moving,
             3 => Self::Stopped,
             _ => Self::Faulted,
+        }
+    }
+}
+
+impl Input for Phase {
+    fn draw(source: &mut impl Source) -> Self {
+        let (reverse, heading) = Input::draw(source);
+        match source.bits8() % 5 {
+            0 => Self::Idle,
+            1 => Self::Approach { reverse },
+            2 => Self::FinalApproach { heading },
+            3 => Self::FinalRotation,
+            _ => Self::Hold,
         }
     }
 }

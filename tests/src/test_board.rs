@@ -328,6 +328,16 @@ impl Rig {
         back
     }
 
+    /// Lets time pass until at most 10 µs after a tick.
+    #[track_caller]
+    pub fn run_to_tick(&self) {
+        self.trace_writes(TIM5_CCR1);
+        let is_tick = |write: &RegisterWrite| write.address == TIM5_CCR1;
+        let ticked = |board: &Board| take_writes(board).iter().any(is_tick);
+        let _ = ticked(self);
+        assert!(self.run_until(10_100, 10, ticked));
+    }
+
     /// Whether both motors get nothing.
     pub fn motors_off(&self) -> bool {
         self.board.truth().duty == Sides::default()

@@ -21,6 +21,8 @@ const SPI1_DR: u64 = 0x4001_300C;
 const USART1_DR: u64 = 0x4001_1004;
 const USART1_BRR: u64 = 0x4001_1008;
 const I2C1_DR: u64 = 0x4000_5410;
+const ADC1_SR: u64 = 0x4001_2000;
+const ADC1_CR2: u64 = 0x4001_2008;
 
 /// Of each bus: the stream, its channel, which way, and the data register.
 const STREAMS: [(u64, u64, u64, u64); 4] = [
@@ -52,7 +54,9 @@ fn buses_use_dma() {
             rig.trace_writes(register);
         }
     }
-    for register in [SPI1_CR1, SPI1_CR2, SPI1_DR, USART1_DR, I2C1_DR] {
+    for register in [
+        SPI1_CR1, SPI1_CR2, SPI1_DR, USART1_DR, I2C1_DR, ADC1_SR, ADC1_CR2,
+    ] {
         rig.trace_writes(register);
     }
     rig.assert_ready();
@@ -96,6 +100,9 @@ fn buses_use_dma() {
     assert!(requests.contains(&0b11) && requests.iter().all(|bits| bits & 0xE0 == 0));
     // A slave of mode 0, 8 bits, most significant first, selected by its pin: nothing but on or off.
     assert!(written(SPI1_CR1).iter().all(|&bits| bits & !(1 << 6) == 0));
+    // An overrun of the battery's ADC, which would stop its requests, ends with the next scan.
+    let scans = written(ADC1_CR2).into_iter().filter(|bits| bits >> 30 == 1);
+    assert_eq!(written(ADC1_SR), vec![0; scans.count()]);
     rig.assert_modelled();
 }
 

@@ -34,9 +34,13 @@ fn stack_overflow_faults_and_stops_motors() {
 #[test]
 fn missing_tick_stops_motors_and_restarts() {
     let rig = Rig::driving();
+    rig.run_to_tick();
     let stopped = rig.now_us();
     rig.stop_ticks();
-    assert!(rig.run_until(31_000, 100, |_| rig.motors_off()));
+    assert!(rig.run_until(31_000, 10, |_| rig.motors_off()));
+    let after = rig.now_us() - stopped;
+    // The count begins at the tick's end.
+    assert!((30_000..=30_200).contains(&after), "{after} µs");
     rig.run_us(10_000);
     rig.assert_logged("no tick, motors off");
     // 68 to 188 ms over the tolerance of its oscillator.

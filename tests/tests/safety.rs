@@ -4,8 +4,9 @@ use fw_core::eeprom::{Image, fields};
 use fw_core::robot::leds;
 use fw_core::wire::State;
 use robot_tests::reference::{NormalReply, normal_frame, original_image};
-use robot_tests::test_board::{BRIDGES, Rig, ahead, take_writes};
+use robot_tests::test_board::{BRIDGES, ELF, Rig, ahead, elf, take_writes};
 use twin::plant::{Room, Sides};
+use twin::trace::functions;
 use twin::{Board, Options};
 
 // Requirement: DOC-2.1-3, WIRE-status-6, WIRE-deadline-1, WIRE-deadline-2
@@ -45,6 +46,27 @@ fn stop_deadline_ignores_invalid_frames() {
         rig.run_us(5_000);
     }
     assert!(rig.motors_off());
+}
+
+/// The robot's handler is held off until it finds both a frame and the tick at which the deadline has passed.
+// Requirement: WIRE-deadline-1
+#[test]
+fn frame_and_late_tick_waiting_together_are_handled_by_age() {
+    let rig = Rig::driving();
+    let all = functions(&elf(ELF)).expect("an ELF file");
+    let handler = all.iter().find(|f| f.name == "PendSV").expect("a handler");
+    for (tick_first, wait_us) in [(false, 0), (true, 7_000)] {
+        rig.run_to_tick();
+        rig.run_us(5_000);
+        let _ = rig.frame(&ahead());
+        rig.run_us(249_000);
+        rig.stall_once(handler.address, 0, 7_000_000);
+        rig.run_us(wait_us);
+        let _ = rig.frame(&ahead());
+        rig.run_us(30_000);
+        let stopped = rig.log().contains("no fresh frame in time");
+        assert_eq!(stopped, tick_first, "{}", rig.log());
+    }
 }
 
 /// Nothing moves for as long as the host goes on asking.

@@ -14,8 +14,6 @@ pub mod obstacle_limit;
 pub mod odometry;
 pub mod pid;
 pub mod pose_controller;
-#[cfg(test)]
-mod simulation;
 pub mod trig;
 pub mod velocity_controller;
 
@@ -26,3 +24,6 @@ pub use obstacle_limit::ObstacleLimit;
 pub use odometry::Odometry;
 pub use pose_controller::PoseController;
 pub use velocity_controller::VelocityController;
+
+#[cfg(test)]
+mod tests;

@@ -12,7 +12,8 @@
 //! allowed speed, and clears its integral. From the final approach on the rotation PID's derivative acts on the deviation
 //! from a planned turn rate: heavily damped gains would else creep through the last 20°.
 
-pub(super) mod stiction;
+pub mod state;
+pub mod stiction;
 mod tracking_error;
 
 use fixed::types::I16F16;
@@ -24,7 +25,8 @@ use super::trig::upper;
 use crate::divide::div_rem;
 use crate::eeprom::{Config, Wheel};
 use crate::types::{Delta, Duty, MotorCommands, Pose, Turns};
-use stiction::{LowPass, RateProfile, StictionBoost};
+use state::{Phase, PoseState};
+use stiction::RateProfile;
 use tracking_error::{FRACTION_BITS, TrackingError};
 
 /// 1 mm in the unit of [`TrackingError`].
@@ -56,30 +58,12 @@ const MIN_HEADING_TOLERANCE: i32 = DEGREE / 5;
 const FORWARD_LIMIT: I16F16 = I16F16::lit("100");
 const ROTATION_LIMIT: I16F16 = I16F16::lit("50");
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Phase {
-    /// Without a target: braked.
-    Idle,
-    Approach {
-        reverse: bool,
-    },
-    FinalApproach {
-        heading: Turns,
-    },
-    FinalRotation,
-    Hold,
-}
-
 /// The pose controller.
 #[derive(Clone, Debug)]
 pub struct PoseController {
     forward: Pid,
     rotation: Pid,
-    speed: LowPass,
-    turn_rate: LowPass,
-    planned_turn: RateProfile,
-    forward_boost: StictionBoost,
-    rotation_boost: StictionBoost,
+    state: PoseState,
     mixer: Mixer,
     /// Unit of [`TrackingError`].
     position_tolerance: i32,
@@ -88,10 +72,6 @@ pub struct PoseController {
     target: Pose,
     /// Pose of the last evaluation of the target.
     last_pose: Pose,
-    phase: Phase,
-    /// An attempt ended outside the tolerances.
-    widened: bool,
-    settled_ticks: u8,
     /// Heading that [`Self::tune_move`] holds while active.
     tuning_heading: Option<Turns>,
     /// Distance at which the forward PID drives with 1 mm/s, 2⁻¹⁶ mm.
@@ -110,24 +90,29 @@ impl PoseController {
         Self {
             forward: Pid::new(config.forward(), FORWARD_LIMIT),
             rotation: Pid::new(config.rotation(), ROTATION_LIMIT),
-            speed: LowPass::default(),
-            turn_rate: LowPass::default(),
-            planned_turn: RateProfile::default(),
-            forward_boost: StictionBoost::default(),
-            rotation_boost: StictionBoost::default(),
+            state: PoseState::default(),
             mixer: Mixer::new(config),
             position_tolerance: position_tolerance.max(MIN_POSITION_TOLERANCE),
             heading_tolerance,
             target: Pose::default(),
             last_pose: Pose::default(),
-            phase: Phase::Idle,
-            widened: false,
-            settled_ticks: 0,
             tuning_heading: None,
             distance_per_speed: distance_per_speed(config),
             allowed: (I16F16::MIN, I16F16::MAX),
             held_back: false,
         }
+    }
+
+    /// As after ticks towards `target` that left this state.
+    #[must_use]
+    pub const fn with_state(mut self, state: PoseState, target: Pose) -> Self {
+        (self.state, self.target) = (state, target);
+        self
+    }
+
+    /// What the last tick left.
+    pub const fn state(&self) -> &PoseState {
+        &self.state
     }
 
     /// The obstacle stop's limits from the next [`Self::drive`] on; without a call there are none.
@@ -150,7 +135,7 @@ impl PoseController {
 
     /// Drives to `target` from now on. The same target again has no effect.
     pub fn set_target(&mut self, target: Pose) {
-        if matches!(self.phase, Phase::Idle) {
+        if matches!(self.state.phase, Phase::Idle) {
             self.reset_pids();
         } else if target == self.target {
             return;
@@ -161,7 +146,7 @@ impl PoseController {
 
     /// Discards the target: brakes until the next one.
     pub fn halt(&mut self) {
-        self.phase = Phase::Idle;
+        self.state.phase = Phase::Idle;
         self.tuning_heading = None;
         self.held_back = false;
         self.mixer.stop_learning();
@@ -169,19 +154,19 @@ impl PoseController {
 
     /// Whether the robot holds the target's pose; false without a target.
     pub fn arrived(&self) -> bool {
-        matches!(self.phase, Phase::Hold)
+        matches!(self.state.phase, Phase::Hold)
     }
 
     /// Whether there is a target that is not reached yet.
     pub fn moving(&self) -> bool {
-        !matches!(self.phase, Phase::Idle | Phase::Hold)
+        !matches!(self.state.phase, Phase::Idle | Phase::Hold)
     }
 
     fn start(&mut self) {
-        self.widened = false;
-        self.settled_ticks = 0;
-        self.planned_turn = RateProfile::default();
-        self.phase = Phase::FinalRotation;
+        self.state.widened = false;
+        self.state.settled_ticks = 0;
+        self.state.planned_turn = RateProfile::default();
+        self.state.phase = Phase::FinalRotation;
     }
 
     fn reset_pids(&mut self) {
@@ -196,19 +181,19 @@ impl PoseController {
         self.mixer.observe(delta);
         self.tuning_heading = None;
         self.held_back = false;
-        let speed = self.speed.step(delta.travel);
-        let turn_rate = self.turn_rate.step(degrees(delta.turn));
-        if matches!(self.phase, Phase::Idle) || self.arrived() && *pose == self.last_pose {
+        let speed = self.state.speed.step(delta.travel);
+        let turn_rate = self.state.turn_rate.step(degrees(delta.turn));
+        if matches!(self.state.phase, Phase::Idle) || self.arrived() && *pose == self.last_pose {
             // With an unchanged pose the evaluation would not change.
             return self.mixer.brake();
         }
         self.last_pose = *pose;
         let error = TrackingError::new(pose, &self.target);
-        let scale = 2 + i32::from(self.widened);
+        let scale = 2 + i32::from(self.state.widened);
         let position_tolerance = (self.position_tolerance * scale) >> 1;
         let heading_tolerance = self.heading_tolerance.saturating_mul(scale) / 2;
         self.update_phase(&error, pose, delta, position_tolerance, heading_tolerance);
-        let (distance, turn) = match self.phase {
+        let (distance, turn) = match self.state.phase {
             Phase::Idle | Phase::Hold => return self.mixer.brake(),
             Phase::Approach { reverse } => {
                 let bearing = error.bearing(reverse);
@@ -233,14 +218,14 @@ impl PoseController {
             self.held_back = true;
             self.forward.reset();
         }
-        let boosted = matches!(self.phase, Phase::FinalApproach { .. }) && !self.held_back;
-        let forward =
-            self.forward.step(distance, speed) + self.forward_boost.step(distance, boosted, moved);
-        let approaching = matches!(self.phase, Phase::Approach { .. });
+        let boosted = matches!(self.state.phase, Phase::FinalApproach { .. }) && !self.held_back;
+        let forward = self.forward.step(distance, speed)
+            + self.state.forward_boost.step(distance, boosted, moved);
+        let approaching = matches!(self.state.phase, Phase::Approach { .. });
         let aim = if approaching { I16F16::ZERO } else { turn };
-        let planned = self.planned_turn.step(aim);
+        let planned = self.state.planned_turn.step(aim);
         let rotation = self.rotation.step(turn, turn_rate - planned)
-            + self.rotation_boost.step(turn, misaligned, moved);
+            + self.state.rotation_boost.step(turn, misaligned, moved);
         self.mixer.mix(forward, rotation)
     }
 
@@ -252,11 +237,11 @@ impl PoseController {
         position_tolerance: i32,
         heading_tolerance: i32,
     ) {
-        match self.phase {
+        match self.state.phase {
             Phase::Idle => {}
             Phase::Approach { reverse } => {
                 if error.within(FINAL_APPROACH) {
-                    self.phase = Self::final_approach(error, pose, reverse);
+                    self.state.phase = Self::final_approach(error, pose, reverse);
                 }
             }
             Phase::FinalApproach { heading } => {
@@ -269,7 +254,7 @@ impl PoseController {
                     && remaining.max(present) <= position_tolerance >> 1
                 {
                     self.forward.reset();
-                    self.phase = Phase::FinalRotation;
+                    self.state.phase = Phase::FinalRotation;
                 }
             }
             Phase::FinalRotation => {
@@ -278,18 +263,18 @@ impl PoseController {
                 if !error.within(self.position_tolerance * 2) {
                     self.approach(error, pose);
                 } else if aligned && resting {
-                    self.settled_ticks += 1;
-                    if self.settled_ticks >= SETTLING_TICKS {
+                    self.state.settled_ticks += 1;
+                    if self.state.settled_ticks >= SETTLING_TICKS {
                         if error.within(position_tolerance) {
-                            self.phase = Phase::Hold;
+                            self.state.phase = Phase::Hold;
                             self.reset_pids();
                         } else {
-                            self.widened = true;
+                            self.state.widened = true;
                             self.approach(error, pose);
                         }
                     }
                 } else {
-                    self.settled_ticks = 0;
+                    self.state.settled_ticks = 0;
                 }
             }
             Phase::Hold => {
@@ -305,12 +290,12 @@ impl PoseController {
 
     /// Chooses nose or tail first.
     fn approach(&mut self, error: &TrackingError, pose: &Pose) {
-        self.settled_ticks = 0;
+        self.state.settled_ticks = 0;
         // In reverse either turn is half a turn less the nose's: less in all where these sum to more.
         let nose = error.bearing(false);
         let turns = i64::from(nose).abs() + i64::from(error.heading.wrapping_sub(nose)).abs();
         let reverse = error.within(MAX_REVERSE) && turns > HALF_TURN;
-        self.phase = if error.within(FINAL_APPROACH) {
+        self.state.phase = if error.within(FINAL_APPROACH) {
             Self::final_approach(error, pose, reverse)
         } else {
             Phase::Approach { reverse }
@@ -342,7 +327,7 @@ impl PoseController {
     // Requirement: DOC-5.2.3-1, WIRE-modes-4
     #[must_use]
     pub fn tune_move(&mut self, duty: Duty, pose: &Pose, delta: &Delta) -> MotorCommands {
-        self.phase = Phase::Idle;
+        self.state.phase = Phase::Idle;
         if duty == Duty::ZERO {
             self.tuning_heading = None;
             return self.mixer.brake();
@@ -352,7 +337,7 @@ impl PoseController {
         }
         let heading = *self.tuning_heading.get_or_insert(pose.heading);
         let error = degrees(heading.from_nearest(pose.heading));
-        let turn_rate = self.turn_rate.step(degrees(delta.turn));
+        let turn_rate = self.state.turn_rate.step(degrees(delta.turn));
         let rotation = self.rotation.step(error, turn_rate);
         let rotation = (rotation.to_bits() * 25) >> 14;
         let duty = i32::from(duty.hundredths());

@@ -24,11 +24,11 @@ pub const TX_BUFFERS: u8 = 3;
 
 /// Least time from a rising edge of chip-select to the next falling edge, µs (docs/interfaces.md).
 pub const GAP_US: u32 = 20;
-/// Microseconds after the rising edge within which the armed reply may be replaced. What is left of
-/// [`GAP_US`], less one for the clock's resolution, are 360 instructions at 60 a microsecond: every handler
-/// that captures a time (180, and 30 for their entries), the longest masked stretch (40) and the time to arm
-/// (100). Three of the handlers are echoes': while the rangefinders take turns, 100 cycles of latency fit in.
+/// Microseconds after the rising edge within which the armed reply may be replaced. The rest of [`GAP_US`], less one for
+/// the clock's resolution, takes every handler that captures a time (180 instructions, and 30 for their entries), the
+/// longest masked stretch (40) and arming (100). While rangefinders take turns, 100 cycles of latency fit in as well.
 pub const SWAP_WINDOW_US: u32 = 13;
+const _: () = assert!((GAP_US - SWAP_WINDOW_US - 1) * 60 >= 180 + 30 + 40 + 100);
 
 /// Bytes that the transmitter may have fetched when a refresh is complete that began with chip-select
 /// high: two held ready by the SPI and one by the DMA (RM0383, 9.2), and one every 0.67 µs at 12 MHz in

@@ -33,19 +33,16 @@ pub fn rotation_gains() -> Gains {
 }
 
 fn gains([p, i, d, anti_windup]: [&Field; 4]) -> Gains {
-    let gain = |field: &Field| gain_of(Binary64(FIRST_BOARD[usize::from(field.index)]));
+    let gain = |field: &Field| {
+        let value = Binary64(FIRST_BOARD[usize::from(field.index)]).to_fixed();
+        Gain::new(value.unwrap_or_default()).unwrap_or_default()
+    };
     Gains {
         p: gain(p),
         i: gain(i),
         d: gain(d),
         anti_windup: gain(anti_windup),
     }
-}
-
-/// The gain of a binary64, 0 where it is none.
-pub fn gain_of(value: Binary64) -> Gain {
-    let value = value.to_fixed().unwrap_or_default();
-    Gain::new(value).unwrap_or_default()
 }
 
 impl AcceptedConfig {

@@ -213,19 +213,19 @@ crate::properties! {
     theorem T5 accepted_configuration_is_bounded(values: AcceptedConfig) {
         cases ["other than the first board's", "at the end of a range"];
         kani any_gains [unwind(80)] = (AcceptedConfig::of_any_page(1),);
-        kani any_cells [unwind(80)] = (with_dividers(|field| field.address == CELLS.address),);
+        kani any_cells [unwind(80), solver(minisat)] = (with_dividers(|field| field.address == CELLS.address),);
         kani any_adc [unwind(80)] = (with_dividers(|field| {
             field.address >> 8 == 2 && field.tap == 0
         }).with(CELLS, 8),);
-        kani any_dividers [unwind(80)] = (AcceptedConfig::of_any(|field| field.tap != 0).with(CELLS, 8),);
+        kani any_dividers [unwind(80), solver(minisat)] = (AcceptedConfig::of_any(|field| field.tap != 0).with(CELLS, 8),);
         kani any_wheels [unwind(80)] = (AcceptedConfig::of_any_wheels(),);
         kani any_mode [unwind(80)] = (AcceptedConfig::of_any_mode(),);
         sampled 50_000;
     }
     property T3 acceptance_is_the_tables(values: AcceptedConfig, which: u8, raw: u64) {
         cases ["accepted", "rejected"];
-        kani any_gains [unwind(80)] = (AcceptedConfig::of_any_page(1), 0, any());
-        kani any_battery [unwind(80)] = (AcceptedConfig::of_any_page(2), 0, any());
+        kani any_gains [unwind(80), solver(minisat)] = (AcceptedConfig::of_any_page(1), 0, any());
+        kani any_battery [unwind(80), solver(minisat)] = (AcceptedConfig::of_any_page(2), 0, any());
         kani any_wheels [unwind(80)] = (AcceptedConfig::of_any_wheels(), 1, any());
         kani any_mode [unwind(80)] = (AcceptedConfig::of_any_mode(), 1, any());
         stepped each_field();

@@ -1,4 +1,4 @@
-//! T6: sine, cosine and direction against the true ones.
+//! T5 and T6: sine, cosine and direction against the true ones.
 //!
 //! The references are binary64, exact to 1e-15, and exhaustive: CBMC has no sine.
 
@@ -68,7 +68,26 @@ pub fn direction_is_accurate(x: i64, y: i64) -> Seen {
         .case(2, x.unsigned_abs() < 100 && y.unsigned_abs() < 100)
 }
 
+/// Every vector has a direction, in its quadrant: no overflow, no division by zero.
+pub fn direction_lies_in_the_quadrant(x: i64, y: i64) -> Seen {
+    let found = direction(x, y).0;
+    let from_ahead = found.min(found.wrapping_neg());
+    assert!(if x < 0 {
+        from_ahead >= 1 << 30
+    } else {
+        from_ahead <= 1 << 30
+    });
+    let to_the_left = if y < 0 { found.wrapping_neg() } else { found };
+    assert!(to_the_left <= 1 << 31);
+    seen!(x < 0 && y < 0, x == i64::MIN, x == 0 && y == 0)
+}
+
 crate::properties! {
+    theorem T5 direction_lies_in_the_quadrant(x: i64, y: i64) {
+        cases ["behind to the right", "the longest", "no vector"];
+        kani proof [unwind(2), solver(minisat)];
+        sampled 100_000;
+    }
     theorem T6 sine_and_cosine_are_accurate(block: u32) {
         cases ["a sine near its bound", "a cosine near its bound"];
         exhaustive (0..1 << 20).map(|block: u32| (block.wrapping_sub(1 << 19),));

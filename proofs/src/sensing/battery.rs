@@ -254,12 +254,12 @@ crate::properties! {
     }
     theorem T5 any_tuning_is_safe(ohms: (u32, u32), word: u16, reference: u32) {
         cases ["nothing to compare", "a larger resistor", "0 ohm"];
-        kani proof [unwind(80)];
+        kani proof [unwind(80), solver(minisat)];
         sampled 200_000;
     }
     theorem T10 first_board_samples_are_safe(first: [u16; 2], second: [u16; 2]) {
         cases ["the first cell is higher", "the second tap is not above the first"];
-        kani proof [unwind(80)];
+        kani proof [unwind(80), solver(minisat)];
         sampled 100_000;
     }
 }

@@ -248,7 +248,7 @@ crate::properties! {
         which: RangefinderId, trigger: Micros, rise: Micros, fall: Micros, answered: bool
     ) {
         cases ["no echo", "it had answered"];
-        kani proof [unwind(11)];
+        kani proof [unwind(11), solver(minisat)];
         sampled 300_000;
     }
     property T9 sensors_take_turns(count: u8, answers: u64, allowed: u64) {

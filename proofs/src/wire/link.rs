@@ -187,9 +187,9 @@ crate::properties! {
         setup: Setup, first: Frame, second: [u8; LONGER], clocked: u8
     ) {
         cases ["after a frame was taken", "before any was taken"];
-        kani normal [unwind(12)] = (any_setup(Mode::Normal), any(), any(), any());
-        kani tune_rotate [unwind(12)] = (any_setup(Mode::TuneRotate), any(), any(), any());
-        kani tune_move [unwind(12)] = (any_setup(Mode::TuneMove), any(), any(), any());
+        kani normal [unwind(12), solver(minisat)] = (any_setup(Mode::Normal), any(), any(), any());
+        kani tune_rotate [unwind(12), solver(minisat)] = (any_setup(Mode::TuneRotate), any(), any(), any());
+        kani tune_move [unwind(12), solver(minisat)] = (any_setup(Mode::TuneMove), any(), any(), any());
         kani guarded_tune_rotate [unwind(12)] =
             (any_setup(Mode::GuardedTuneRotate), any(), any(), 18);
         sampled 300_000;

@@ -184,9 +184,9 @@ crate::properties! {
         mode: Mode, context: Context, frame: [u8; LONGER], extra: [u8; 3], beyond: u16
     ) {
         cases ["short", "long in the buffer", "long beyond it"];
-        kani normal [unwind(12)] = (Mode::Normal, any(), any(), [255, 0, 1], any());
-        kani tune_rotate [unwind(12)] = (Mode::TuneRotate, any(), any(), [255, 0, 1], any());
-        kani tune_move [unwind(12)] = (Mode::TuneMove, any(), any(), [255, 0, 1], any());
+        kani normal [unwind(12), solver(minisat)] = (Mode::Normal, any(), any(), [255, 0, 1], any());
+        kani tune_rotate [unwind(12), solver(minisat)] = (Mode::TuneRotate, any(), any(), [255, 0, 1], any());
+        kani tune_move [unwind(12), solver(minisat)] = (Mode::TuneMove, any(), any(), [255, 0, 1], any());
         kani guarded_normal [unwind(12)] = (Mode::GuardedNormal, any(), any(), [255, 0, 1], any());
         kani guarded_tune_rotate [unwind(12)] = (Mode::GuardedTuneRotate, any(), any(), [255, 0, 1], any());
         kani guarded_tune_move [unwind(12)] = (Mode::GuardedTuneMove, any(), any(), [255, 0, 1], any());

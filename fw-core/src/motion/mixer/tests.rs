@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::eeprom::{Field, config_with, fields};
-use crate::motion::simulation::duty;
+use crate::motion::tests::duty;
 use std::vec::Vec;
 
 fn percent(value: f64) -> I16F16 {

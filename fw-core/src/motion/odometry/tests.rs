@@ -195,15 +195,22 @@ fn roll(odometry: &mut Odometry, at: &mut (u32, u16), left: i32, right: i32) -> 
 
 #[test]
 fn slip_of_one_wheel_leaves_the_motion_of_the_other() {
-    let turn_per_count = f64::from(80_000) / (2.0 * 3840.0 * 125_000.0) * 4_294_967_296.0;
+    // The right wheel is larger, so that each one's own way is needed.
+    let config = config_with(&[(fields::WHEEL_DIAMETER_RIGHT, 88_000)]);
+    let turn_per_count =
+        [80_000.0, 88_000.0].map(|way| way / (2.0 * 3840.0 * 125_000.0) * 4_294_967_296.0);
     for (left, right) in [(20, 0), (0, 20), (-20, 0), (0, -20), (20, 10), (-5, -20)] {
         for left_slips in [true, false] {
-            let mut corrected = Odometry::new(&first_board(), 0, 0);
+            let mut corrected = Odometry::new(&config, 0, 0);
             let mut truth = corrected.clone();
             let (mut a, mut b) = ((0, 0), (0, 0));
             let (real_left, real_right) = if left_slips { (0, right) } else { (left, 0) };
-            let tick = if left_slips { left } else { -right };
-            let tick = (f64::from(tick) * turn_per_count).round() as i32;
+            let tick = if left_slips {
+                f64::from(left) * turn_per_count[0]
+            } else {
+                f64::from(-right) * turn_per_count[1]
+            };
+            let tick = tick.round() as i32;
             let heading = tick;
             for _ in 0..50 {
                 let delta = roll(&mut corrected, &mut a, left, right);

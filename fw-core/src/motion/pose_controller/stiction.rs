@@ -9,11 +9,12 @@ const BOOST_STEP: i32 = (1 << 16) / 4;
 const MAX_BOOST: i32 = 15 << 16;
 
 /// Output that grows while the robot rests outside its tolerance, and ends as soon as a wheel moves.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct StictionBoost {
-    rest_ticks: u8,
-    /// 2⁻¹⁶ %.
-    boost: i32,
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct StictionBoost {
+    /// At rest, up to 3.
+    pub rest_ticks: u8,
+    /// 2⁻¹⁶ %, up to 15 %.
+    pub boost: i32,
 }
 
 impl StictionBoost {
@@ -31,8 +32,8 @@ impl StictionBoost {
 }
 
 /// First-order low pass of 40 ms for the derivatives: at low speed single counts are no speed.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct LowPass(i32);
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LowPass(pub i32);
 
 impl LowPass {
     /// The filtered rate.
@@ -48,8 +49,8 @@ impl LowPass {
 
 /// Planned turn rate: each tick a thirtieth of the remaining angle, at most 2° a tick (200°/s), reached
 /// at 1000°/s². It starts at rest, so a new target never kicks the derivative.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct RateProfile(i32);
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RateProfile(pub i32);
 
 /// 0.1° a tick and tick, 2⁻¹⁶°.
 const MAX_ACCELERATION: i32 = (1 << 16) / 10;

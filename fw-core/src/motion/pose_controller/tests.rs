@@ -1,5 +1,5 @@
 //! Each phase of the controller one tick at a time, to the last digit of its constants. Closed loops on
-//! the robot's model are in `motion::simulation`.
+//! the robot's model are in `motion::tests`.
 
 mod approach;
 mod final_phases;
@@ -8,8 +8,13 @@ mod stiction;
 
 use super::*;
 use crate::eeprom::{Field, config_with, fields, first_board};
-use crate::motion::simulation::{duty, pose};
+use crate::motion::tests::{duty, pose};
 use crate::types::MotorCommand;
+
+/// Whether it is on its final approach.
+fn nears(controller: &PoseController) -> bool {
+    matches!(controller.state.phase, Phase::FinalApproach { .. })
+}
 
 /// The first board with P alone, and D for the rotation: percent per millimetre, per degree, per degree a
 /// tick. Without dead zones the commands are sum and difference of the outputs.
@@ -213,7 +218,7 @@ fn held_back_ends_with_the_obstacle_and_is_not_boosted() {
     limited(&mut controller, 172.0);
     let first = controller.drive(&Pose::default(), &STILL);
     for _ in 0..30 {
-        assert!(matches!(controller.phase, Phase::FinalApproach { .. }));
+        assert!(nears(&controller));
         assert_eq!(controller.drive(&Pose::default(), &STILL), first);
         assert!(controller.held_back());
     }

@@ -2,7 +2,7 @@
 
 use super::*;
 use crate::eeprom::{config_with, fields, first_board};
-use crate::motion::simulation::duty;
+use crate::motion::tests::duty;
 use crate::types::Millimetres;
 use fixed::types::I32F32;
 
@@ -105,6 +105,31 @@ fn blocked_wheels_saturate_and_rest_forgets_what_they_taught() {
             assert_eq!(commands[0], commands[1], "{tick}");
         }
     }
+}
+
+// Requirement: WIRE-velocity-5
+#[test]
+fn braking_robot_pushed_back_gives_up_speed_before_its_turn() {
+    let config = first_board();
+    let obstacle = obstacle(&config, false);
+    let mut controller = VelocityController::new(&config);
+    let turn = velocity(60_000, 50_000_000);
+    let rolling = |mm| Delta {
+        travel: I16F16::from_num(mm),
+        turn: turn.yaw_rate / 100,
+        ..Delta::default()
+    };
+    for _ in 0..200 {
+        let _ = controller.step(turn, &obstacle, &rolling(0.6));
+    }
+    assert_eq!(controller.applied(), turn);
+    let _ = controller.step(velocity(0, turn.yaw_rate), &obstacle, &rolling(-9.0));
+    let Velocity { forward, yaw_rate } = controller.applied();
+    // 4 mm/s are a tick's deceleration.
+    assert!(
+        yaw_rate == turn.yaw_rate && forward < 50_000,
+        "{forward} {yaw_rate}"
+    );
 }
 
 #[test]

@@ -17,7 +17,8 @@ struct Turned {
     logged: String,
     noise: u8,
     frozen: bool,
-    absent: bool,
+    /// What every request comes to, unless [`BusResult::Done`].
+    failure: BusResult,
     registers: [u8; 128],
 }
 
@@ -29,7 +30,7 @@ impl Turned {
             logged: String::new(),
             noise: 0,
             frozen: false,
-            absent: false,
+            failure: BusResult::Done,
             registers: [0; 128],
         }
     }
@@ -60,7 +61,7 @@ impl Turned {
             BusRequest::Idle | BusRequest::DriveLines { .. } | BusRequest::ReleaseLines => {
                 BusResult::Done
             }
-            _ if self.absent => BusResult::Nack,
+            _ if self.failure != BusResult::Done => self.failure,
             BusRequest::Write { register, value } => {
                 self.registers[usize::from(register)] = value;
                 BusResult::Done
@@ -146,14 +147,14 @@ fn pose_without_slip_is_the_encoders() {
 #[test]
 fn absent_gyro_is_fault_until_it_agrees_again() {
     let mut robot = Turned::new(Mode::GuardedNormal);
-    robot.absent = true;
+    robot.failure = BusResult::Nack;
     robot.ticks(100, 0, 0, 0);
     assert_eq!(robot.faults(), Faults::GYRO_LOST);
     let clear = clearing(Faults::ALL_BITS, Command::default());
     robot.bench.frame(&clear);
     robot.tick(0, 0, 0);
     assert_eq!(robot.faults(), Faults::GYRO_LOST, "still");
-    robot.absent = false;
+    robot.failure = BusResult::Done;
     robot.ticks(1_500, 0, 0, 0);
     robot.ticks(50, SPIN, -10, 10);
     robot.bench.frame(&clear);
@@ -217,7 +218,7 @@ fn absent_gyro_keeps_its_correction() {
     robot.frozen = true;
     robot.ticks(5, SPIN, 0, 0);
     let before = robot.heading_deg();
-    robot.absent = true;
+    robot.failure = BusResult::Nack;
     robot.ticks(10, SPIN, 0, 0);
     assert_eq!(robot.faults(), Faults::SLIP | Faults::GYRO_LOST);
     assert!(robot.heading_deg() >= before);
@@ -257,7 +258,7 @@ fn turn_by_hand_voids_the_echo() {
 fn gyro_lost_during_slip_restarts_without_bias() {
     let mut robot = Turned::trusted();
     robot.ticks(20, 0, -10, 10);
-    robot.absent = true;
+    robot.failure = BusResult::Nack;
     robot.ticks(10, 0, 0, 0);
     for text in [
         "slip: heading by the gyro\n",
@@ -317,13 +318,15 @@ fn reply_carries_the_gyros_angle() {
     // 30°, 2⁻²⁴ turns.
     let expected = (1 << 24) / 12;
     assert!((turned - expected).abs() < expected / 20, "{turned}");
-    robot.absent = true;
-    robot.ticks(10, 0, 0, 0);
-    assert_eq!(robot.angle(), None);
-    robot.absent = false;
-    robot.ticks(1_000, 0, 0, 0);
-    let again = robot.angle().expect("an angle again");
-    assert!(again.abs() < expected / 20, "{again}");
+    for failure in [BusResult::Nack, BusResult::Timeout, BusResult::Done] {
+        (robot.failure, robot.frozen) = (failure, failure == BusResult::Done);
+        robot.ticks(50, 0, 0, 0);
+        assert_eq!(robot.angle(), None, "{failure:?}");
+        (robot.failure, robot.frozen) = (BusResult::Done, false);
+        robot.ticks(1_000, 0, 0, 0);
+        let again = robot.angle().expect("an angle again");
+        assert!(again.abs() < expected / 20, "{again}");
+    }
 }
 
 // Requirement: WIRE-gyro-2
@@ -331,15 +334,15 @@ fn reply_carries_the_gyros_angle() {
 fn angle_goes_on_through_missing_readings() {
     let mut robot = Turned::rested(Mode::GuardedVelocity);
     robot.ticks(5, SPIN, -10, 10);
-    let mut turned = |absent| {
+    let mut turned = |failure| {
         let before = robot.angle().expect("an angle");
         for tick in 0..10 {
-            robot.absent = absent && tick < 2;
+            robot.failure = if tick < 2 { failure } else { BusResult::Done };
             robot.tick(SPIN, -10, 10);
         }
         robot.angle().expect("an angle") - before
     };
-    let (read, missed) = (turned(false), turned(true));
+    let (read, missed) = (turned(BusResult::Done), turned(BusResult::Nack));
     assert!((read - missed).abs() < read / 100, "{read} {missed}");
 }
 

@@ -81,3 +81,43 @@ impl Bias {
         first
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bias_block_limits_are_exact() {
+        // Lowest and highest reading of a block, LSB.
+        for (min, max, accepted) in [
+            (0, 66, true),
+            (0, 67, false),
+            (-30, 36, true),
+            (-30, 37, false),
+            (2_620, 2_620, true),
+            (2_619, 2_622, false),
+            (-2_620, -2_620, true),
+            (-2_622, -2_619, false),
+        ] {
+            let mut bias = Bias::new();
+            for tick in 0..84 {
+                let first = bias.rest(if tick % 2 == 0 { min } else { max });
+                assert_eq!(first, accepted && tick == 83, "{min} {max} {tick}");
+            }
+            let mean = i32::from(min + max) * 128;
+            assert_eq!(bias.get(), accepted.then_some(mean));
+        }
+    }
+
+    #[test]
+    fn bias_follows_calm_blocks_whatever_was_before() {
+        let mut bias = Bias::new();
+        (0..20).for_each(|_| assert!(!bias.rest(0)));
+        for (level, bump) in [(0, 0), (40, 0), (80, 0), (80, 99), (120, 0)] {
+            for tick in 0..64 {
+                bias.rest(level + i16::from(tick == 32) * bump);
+            }
+            assert_eq!(bias.get(), Some(i32::from(level) << 8), "{bump}");
+        }
+    }
+}

@@ -97,7 +97,7 @@ fn direction_of_travel_is_chosen_once() {
     assert_outputs(controller.drive(&pose(0.0, 0.0, 0.0), &STILL), -10.0, 0.0);
     for (heading, turn) in [(20.0, -20.0), (100.0, -50.0), (-100.0, 50.0), (-20.0, 20.0)] {
         let commands = controller.drive(&pose(0.0, 0.0, heading), &rolling(0.0, 0.0));
-        assert_eq!(controller.phase, Phase::Approach { reverse: true });
+        assert_eq!(controller.state.phase, Phase::Approach { reverse: true });
         let (_, rotation) = outputs(commands).expect("it is driven");
         assert!((rotation - turn).abs() < ROUNDING, "{heading}: {rotation}");
     }
@@ -164,7 +164,7 @@ fn planned_turn_rate_ends_during_the_approach() {
             ticks,
         );
     }
-    assert!(matches!(controller.phase, Phase::Approach { .. }));
+    assert!(matches!(controller.state.phase, Phase::Approach { .. }));
     let commands = controller.drive(&pose(-30.0, 0.0, 0.0), &rolling(0.0, 0.0));
     assert_outputs(commands, 0.0, 0.0);
 }

@@ -6,7 +6,7 @@ use super::*;
 fn final_approach(config: &Config, target: Pose, from: Pose) -> PoseController {
     let mut controller = aimed(config, target);
     let _ = controller.drive(&from, &rolling(0.0, 0.0));
-    assert!(matches!(controller.phase, Phase::FinalApproach { .. }));
+    assert!(nears(&controller));
     controller
 }
 
@@ -23,10 +23,10 @@ fn final_approach_begins_at_40_mm() {
                     if approaches {
                         let far = seen_from(stand, (-300.0 * c, -300.0 * s, 0.0));
                         let _ = controller.drive(&far, &rolling(0.0, 0.0));
-                        assert!(matches!(controller.phase, Phase::Approach { .. }));
+                        assert!(matches!(controller.state.phase, Phase::Approach { .. }));
                     }
                     let _ = controller.drive(&on(stand), &rolling(0.0, 0.0));
-                    let is_close = matches!(controller.phase, Phase::FinalApproach { .. });
+                    let is_close = nears(&controller);
                     assert_eq!(is_close, close, "{stand:?} {bearing} {distance}");
                 }
             }
@@ -76,7 +76,7 @@ fn final_approach_keeps_the_reverse_direction() {
     let _ = controller.drive(&pose(0.0, 0.0, 0.0), &rolling(0.0, 0.0));
     let commands = controller.drive(&pose(-170.0, 0.0, 0.0), &rolling(-0.3, 0.0));
     let heading = Turns(0);
-    assert_eq!(controller.phase, Phase::FinalApproach { heading });
+    assert_eq!(controller.state.phase, Phase::FinalApproach { heading });
     assert_outputs(commands, -30.0, 0.0);
 }
 
@@ -88,7 +88,7 @@ fn ends(config: &Config, before: f64, heading_error: i32, travel: f64) -> bool {
     let mut here = pose(1000.0 - before, 0.0, 0.0);
     here.heading = Turns((heading_error as u32).wrapping_neg());
     let _ = controller.drive(&here, &rolling(travel, 0.0));
-    controller.phase == Phase::FinalRotation
+    controller.state.phase == Phase::FinalRotation
 }
 
 #[test]
@@ -160,7 +160,8 @@ fn final_rotation_beyond_twice_the_tolerance_approaches_again() {
         for before in [before, -before] {
             let (mut controller, here) = start(&config, before, 20.0);
             let _ = controller.drive(&here, &rolling(0.0, 0.0));
-            assert_eq!(controller.phase != Phase::FinalRotation, again, "{before}");
+            let rotates = controller.state.phase == Phase::FinalRotation;
+            assert_eq!(rotates, !again, "{before}");
         }
     }
 }
@@ -260,7 +261,7 @@ fn failed_attempt_widens_the_tolerances_by_half_once() {
     };
     let rotate = |controller: &mut PoseController| {
         let _ = controller.drive(&before_target(0.0, 0.0), &rolling(0.0, 0.0));
-        assert_eq!(controller.phase, Phase::FinalRotation);
+        assert_eq!(controller.state.phase, Phase::FinalRotation);
     };
     let arrives = |controller: &PoseController, before, error| {
         let mut controller = controller.clone();
@@ -272,7 +273,7 @@ fn failed_attempt_widens_the_tolerances_by_half_once() {
         // At rest and aligned, but outside the tolerance.
         let (mut controller, here) = start(&config, before, 0.0);
         rest(&mut controller, here);
-        assert!(matches!(controller.phase, Phase::FinalApproach { .. }));
+        assert!(nears(&controller));
         for (before, error, expected) in [
             (0.0, 0.0, true),
             (4.4, 0.0, true),
@@ -287,7 +288,7 @@ fn failed_attempt_widens_the_tolerances_by_half_once() {
         // A second failed attempt has no further effect.
         rotate(&mut controller);
         rest(&mut controller, before_target(5.0, 0.0));
-        assert!(matches!(controller.phase, Phase::FinalApproach { .. }));
+        assert!(nears(&controller));
         assert!(arrives(&controller, 4.4, 0.0) && !arrives(&controller, 4.6, 0.0));
     }
 }
@@ -320,7 +321,7 @@ fn settling_begins_anew_after_a_push() {
     for pose in [&here, &here, &here, &here, &before_target(6.05, 0.0), &here] {
         let _ = controller.drive(pose, &STILL);
     }
-    assert_eq!(controller.phase, Phase::FinalRotation);
+    assert_eq!(controller.state.phase, Phase::FinalRotation);
     for tick in 1..=5 {
         let _ = controller.drive(&here, &STILL);
         assert_eq!(controller.arrived(), tick == 5, "{tick}");
@@ -338,9 +339,10 @@ fn widened_tolerance_counts_for_the_stop_alone() {
         (6.05, 20.0, false, true),
     ] {
         let (mut controller, here) = start(&gains(1.0, 1.0, 0.0), before, error);
-        controller.widened = true;
+        controller.state.widened = true;
         let commands = controller.drive(&here, &rolling(0.0, 0.0));
         assert_eq!(commands == MotorCommands::BRAKE, stops, "{before}");
-        assert_eq!(controller.phase != Phase::FinalRotation, again, "{before}");
+        let rotates = controller.state.phase == Phase::FinalRotation;
+        assert_eq!(rotates, !again, "{before}");
     }
 }

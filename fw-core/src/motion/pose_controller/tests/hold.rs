@@ -10,7 +10,7 @@ const TARGET: Stand = (500.0, -200.0, 170.0);
 fn holding(widened: bool) -> (PoseController, Pose) {
     let target = on(TARGET);
     let mut controller = aimed(&gains(1.0, 1.0, 0.0), target);
-    controller.widened = widened;
+    controller.state.widened = widened;
     drive(&mut controller, &target, &STILL, 5);
     assert!(controller.arrived());
     (controller, target)
@@ -80,7 +80,7 @@ fn final_rotation_and_hold_begin_without_an_integral() {
     let before = seen_from(TARGET, (-30.0, 0.0, 0.0));
     drive(&mut approaching, &before, &rolling(0.0, 0.0), 20);
     let _ = approaching.drive(&target, &rolling(0.0, 0.0));
-    assert_eq!(approaching.phase, Phase::FinalRotation);
+    assert_eq!(approaching.state.phase, Phase::FinalRotation);
     let commands = approaching.drive(&aside, &rolling(0.0, 0.0));
     let (forward, expected) = (outputs(commands).unwrap().0, outputs(first).unwrap().0);
     assert!((forward - expected).abs() < ROUNDING, "{forward}");

@@ -11,7 +11,7 @@ fn boost(ticks: u32) -> f64 {
 fn stuck(ahead: f64, heading_error: i32) -> (PoseController, Pose) {
     let mut controller = aimed(&gains(0.0, 0.0, 0.0), pose(1000.0, 0.0, 0.0));
     let _ = controller.drive(&pose(970.0, 0.0, 0.0), &rolling(0.0, 0.0));
-    assert!(matches!(controller.phase, Phase::FinalApproach { .. }));
+    assert!(nears(&controller));
     let mut here = pose(1000.0 - ahead, 0.0, 0.0);
     here.heading = Turns((heading_error as u32).wrapping_neg());
     (controller, here)
@@ -73,7 +73,7 @@ fn boost_of_the_rotation_needs_half_the_heading_tolerance() {
     ] {
         for (error, enabled) in [(error, enabled), (-error, -enabled)] {
             let (mut controller, here) = stuck(20.0, error);
-            controller.widened = widened;
+            controller.state.widened = widened;
             for ticks in 1..=10 {
                 let commands = controller.drive(&here, &STILL);
                 assert_outputs(commands, boost(ticks), boost(ticks) * enabled);

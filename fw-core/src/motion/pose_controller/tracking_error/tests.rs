@@ -1,7 +1,7 @@
 //! What the controller's tests do not reach: rounding and saturation.
 
 use super::*;
-use crate::motion::simulation::pose;
+use crate::motion::tests::pose;
 
 #[test]
 fn difference_is_exact_to_a_unit_and_saturates() {

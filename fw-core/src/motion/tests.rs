@@ -1,7 +1,7 @@
 //! Closed loop at 100 Hz on the model of the first board's body, odometry and drive monitor included.
 
 mod faults;
-mod velocity_tests;
+mod velocity;
 
 use std::f64::consts::{PI, TAU};
 use std::println;
