@@ -105,8 +105,10 @@ fn wide_robot_drives_around_what_comes_and_goes() {
 #[test]
 fn learned_wheels_in_eeprom_improve_next_exploration() {
     let (room, sample) = (small_room(), exploration::settings().expect("accepted"));
-    // As measured by a ruler: 0.6 %. What a run in this room learns is off by 0.01 to 0.13 % (12 seeds).
-    let by_ruler = WheelGeometry::from_config(sample.config()).with_ratio(1.006);
+    // As measured by a ruler: 0.6 and 1 % off. What a run in this room learns is off by up to 0.07 % of the wheels'
+    // ratio and up to 0.28 % of the track (20 seeds).
+    let mut by_ruler = WheelGeometry::from_config(sample.config()).with_ratio(1.006);
+    by_ruler.track_mm *= 1.01;
     let mut settings = sample.with(&by_ruler.values()).expect("accepted");
     let (mut off, mut raw_mm) = (Vec::new(), Vec::new());
     for _ in 0..2 {
@@ -127,6 +129,6 @@ fn learned_wheels_in_eeprom_improve_next_exploration() {
         settings = settings.with(&wheels.values()).expect("accepted");
     }
     assert!(off[1].0 < 0.15 && off[1].0 < off[0].0 / 2.0, "{off:?}");
-    assert!(off[1].1 < off[0].1.max(0.2), "{off:?}");
+    assert!(off[1].1 < 0.35 && off[1].1 < off[0].1 / 2.0, "{off:?}");
     assert!(raw_mm[1] < raw_mm[0] / 2.0, "{raw_mm:?}");
 }
