@@ -320,7 +320,7 @@ fn reply_carries_the_gyros_angle() {
     assert!((turned - expected).abs() < expected / 20, "{turned}");
     for failure in [BusResult::Nack, BusResult::Timeout, BusResult::Done] {
         (robot.failure, robot.frozen) = (failure, failure == BusResult::Done);
-        robot.ticks(50, 0, 0, 0);
+        robot.ticks(if robot.frozen { 50 } else { 10 }, 0, 0, 0);
         assert_eq!(robot.angle(), None, "{failure:?}");
         (robot.failure, robot.frozen) = (BusResult::Done, false);
         robot.ticks(1_000, 0, 0, 0);
