@@ -324,11 +324,16 @@ impl Driver {
         self.queue.clear();
         self.follower = None;
         self.interrupted = true;
-        let (ahead_mm, left_mm) = self.obstacle(&pose);
-        for aside in [-50.0, 0.0, 50.0] {
-            let mark = pose.point_at(ahead_mm.max(self.config.inflation_mm()), left_mm + aside);
-            self.marks.push((status.time_s, mark));
-        }
+        // More than the contact would close a way beside it; what a wheel met was not seen.
+        let met = matches!(status.stop, Some(StopReason::Stall | StopReason::Slip));
+        let marks = match self.obstacle(&pose) {
+            Some(point) if !met => vec![point],
+            _ => [-50.0, 0.0, 50.0]
+                .map(|aside| pose.point_at(self.config.inflation_mm(), aside))
+                .to_vec(),
+        };
+        self.marks
+            .extend(marks.into_iter().map(|point| (status.time_s, point)));
         let back_mm = self.trail.reversible_mm().min(BACK_MM);
         if times > 0 {
             self.leave(&pose, times - 1);
@@ -337,19 +342,17 @@ impl Driver {
         }
     }
 
-    /// What touches the robot, ahead of and to the left of its middle, mm.
-    fn obstacle(&self, pose: &Pose2) -> (f64, f64) {
+    /// What the body would touch straight ahead.
+    fn obstacle(&self, pose: &Pose2) -> Option<Point> {
         let contact = self.sight.contact(pose, self.config.body_mm);
-        contact.map_or((self.config.inflation_mm(), 0.0), |(_, point)| {
-            let local = Pose2::new(point.x_mm, point.y_mm, 0.0).relative_to(pose);
-            (local.x_mm, local.y_mm)
-        })
+        contact.map(|(_, point)| point)
     }
 
     /// Turns about from what stopped the robot, further after so many turns in vain, and drives away.
     pub fn leave(&mut self, pose: &Pose2, in_vain: u32) {
-        let (ahead_mm, left_mm) = self.obstacle(pose);
-        let about = libm::atan2(left_mm, ahead_mm) + PI + TURN_MORE_RAD * f64::from(in_vain);
+        let bearing_rad = |point: Point| (point - pose.position()).angle_rad() - pose.heading_rad;
+        let obstacle_rad = self.obstacle(pose).map_or(0.0, bearing_rad);
+        let about = obstacle_rad + PI + TURN_MORE_RAD * f64::from(in_vain);
         let facing = self.trail.net_rad + wrap_angle(about);
         self.enqueue([Kind::Turn(facing), Kind::Straight(BACK_MM)]);
     }

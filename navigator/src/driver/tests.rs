@@ -166,7 +166,7 @@ fn close_echo_limits_speed_and_is_what_stops() {
     let (mut driver, _) = under_way(1.0);
     let pose = Pose2::new(200.0, 400.0, 0.0);
     assert!(driver.contact_limit(&pose).is_infinite());
-    assert_eq!(driver.obstacle(&pose), (120.0, 0.0));
+    assert_eq!(driver.obstacle(&pose), None);
     let mut frame = status(0.1, pose);
     // Of a wall that the map knows, 178 mm ahead of the middle and 66 mm to the left.
     frame.ranges_mm[0] = Some(66f64.hypot(98.0));
@@ -175,21 +175,24 @@ fn close_echo_limits_speed_and_is_what_stops() {
     driver.sight.observe(&frame, &driver.config, &wall, 0.0);
     // There the body reaches 88 mm; 15 mm are kept.
     assert!((driver.contact_limit(&pose) - 150.0).abs() < 1e-6);
-    let velocity = Velocity {
-        forward_mm_s: 170.0,
+    let velocity = |forward_mm_s, sweep_half_width_rad| Velocity {
+        forward_mm_s,
         yaw_rate_rad_s: 0.2,
-        ..Velocity::default()
+        sweep_half_width_rad,
     };
-    let Step::Act(Action::Drive(velocity)) = driver.drive(velocity, &pose) else {
-        panic!("no velocity");
+    let slower = Step::Act(Action::Drive(velocity(driver.contact_limit(&pose), 1.0)));
+    assert_eq!(driver.drive(velocity(170.0, 0.0), &pose), slower);
+    let marks = |stop| {
+        let mut driver = driver.clone();
+        driver.recover(&Status { stop, ..frame });
+        driver.marks
     };
-    assert!((velocity.forward_mm_s - 150.0).abs() < 1e-6);
-    let (yaw, sweep) = (velocity.yaw_rate_rad_s, velocity.sweep_half_width_rad);
-    assert!((yaw - 0.2).abs() < 1e-9 && (sweep - 1.0).abs() < 1e-9);
-    let (ahead_mm, left_mm) = driver.obstacle(&pose);
-    assert!((ahead_mm - 178.0).abs() < 1e-6 && (left_mm - 66.0).abs() < 1e-6);
-    driver.recover(&frame);
-    assert!(driver.marks[1].1.distance_mm(pose.point_at(178.0, 66.0)) < 1e-6);
+    let seen = marks(None);
+    assert!(seen.len() == 1 && seen[0].1.distance_mm(pose.point_at(178.0, 66.0)) < 1e-6);
+    assert_eq!(marks(Some(StopReason::Obstacle)), seen);
+    // What a wheel met was not seen.
+    let ahead = marks(Some(StopReason::Slip))[1].1;
+    assert!(ahead.distance_mm(pose.point_at(120.0, 0.0)) < 1e-6);
     driver.enqueue([Kind::Straight(300.0)]);
     let near = status(0.2, Pose2::new(270.0, 400.0, 0.0));
     assert_eq!(driver.next_motion(&near), None);
@@ -225,10 +228,7 @@ fn stop_marks_its_place_and_goes_back_within_what_was_driven() {
         };
         assert_eq!(driver.step(&grid, &stop), Step::Act(Action::Resume));
         assert!(driver.held && driver.follower.is_none());
-        let expected: Vec<Kind> = back_mm
-            .map(|mm: f64| Kind::Straight(-mm))
-            .into_iter()
-            .collect();
+        let expected = Vec::from_iter(back_mm.map(|mm: f64| Kind::Straight(-mm)));
         assert_eq!(queue(&driver), expected, "{reason:?}");
         assert_eq!(driver.marks.len(), 3);
         for (&(time_s, at), aside) in driver.marks.iter().zip([-50.0, 0.0, 50.0]) {
