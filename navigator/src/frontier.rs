@@ -14,6 +14,8 @@ use crate::sight::Sight;
 const SMALLEST: usize = 4;
 /// A target extends this far from its first node, mm; what lies farther is another.
 const EXTENT_MM: f64 = 500.0;
+/// The middle of a border lies at most this far beyond a door that is drawn too narrow at both its ends, mm.
+const BEYOND_MM: f64 = 260.0;
 /// New floor counts as gain this many steps behind its border.
 const DEPTH: u32 = 8;
 /// A border is looked at from this near, mm.
@@ -80,7 +82,7 @@ fn view_of(
         .filter_map(|index| Some((reach.cost(index)?, index)))
         .min()
         .map(|(_, index)| index)
-        .or_else(|| reach.nearest(centre, EXTENT_MM))
+        .or_else(|| reach.nearest(centre, 2.0 * reach.inflation_mm + BEYOND_MM))
         .filter(|&index| allowed(map.point(index)))
 }
 

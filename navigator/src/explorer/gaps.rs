@@ -8,9 +8,9 @@ use crate::follower::Follower;
 use crate::frontier::{Kind, Target, gaps};
 use crate::planner::Reach;
 
-/// How much less clearance the gaps have that are looked at last, mm, the widest first, and unknown floor behind them,
+/// Share of the clearance that the gaps have that are looked at last, the widest first, and unknown floor behind them,
 /// m²: wide beams draw the ends of walls too long, by a decimetre or two.
-const LESS_MM: [f64; 4] = [15.0, 30.0, 45.0, 60.0];
+const SHARES: [f64; 4] = [0.875, 0.75, 0.625, 0.5];
 const GAP_GAIN_M2: f64 = 0.16;
 /// Fruitless looks nearer than this to a gap count as looks at it, mm: there the wall does not answer.
 const GAP_MM: f64 = 500.0;
@@ -37,8 +37,8 @@ impl Explorer {
             let cost = reach.cost(target.view);
             self.gaps_s <= 0.0 || cost.is_some_and(|cost| f64::from(cost) < left_mm)
         };
-        let of_width = |less_mm: f64| {
-            let floor = Reach::new(reach.map, pose, reach.inflation_mm - less_mm);
+        let of_width = |share: f64| {
+            let floor = Reach::new(reach.map, pose, share * reach.inflation_mm);
             let mut found = gaps(&floor, reach, &self.gap_views);
             found.retain(|target| looks(target) < TRIES && target.gain > GAP_GAIN_M2);
             found.retain(is_near);
@@ -46,7 +46,7 @@ impl Explorer {
             found.retain(|target| Some(looks(target)) == fewest);
             found
         };
-        let mut found = LESS_MM.into_iter().map(of_width);
+        let mut found = SHARES.into_iter().map(of_width);
         found.find(|found| !found.is_empty()).unwrap_or_default()
     }
 
@@ -68,8 +68,8 @@ impl Explorer {
         if tries > PASSES || here.any(|other| other.kind == Kind::Frontier) {
             return false;
         }
-        let through = |less_mm: f64| {
-            let width_mm = reach.inflation_mm - less_mm;
+        let through = |share: f64| {
+            let width_mm = share * reach.inflation_mm;
             let floor = Reach::new(reach.map, &status.estimate.pose, width_mm);
             let found = gaps(&floor, reach, &[]).into_iter();
             let found = found.filter(|gap| is_here(&gap) && gap.gain > GAP_GAIN_M2);
@@ -78,7 +78,7 @@ impl Explorer {
             let way_mm = Follower::new(floor.path(node)).remaining_mm();
             (way_mm < WAY_MM).then_some((floor, node, gap))
         };
-        let Some((floor, node, gap)) = LESS_MM.into_iter().find_map(through) else {
+        let Some((floor, node, gap)) = SHARES.into_iter().find_map(through) else {
             return false;
         };
         self.driver.follow(&floor, node, status.time_s);
