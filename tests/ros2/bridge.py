@@ -63,12 +63,16 @@ class Driver(threading.Thread):
     def __init__(self, participant, twist):
         super().__init__(daemon=True)
         self.writer, self.twist, self.silent = participant.writer("cmd_vel", ros.Twist), twist, False
+        self.longest_pause = 0
         self.start()
 
     def run(self):
+        last = time.monotonic()
         while not self.silent:
             self.writer.write(self.twist)
             time.sleep(0.05)
+            now = time.monotonic()
+            self.longest_pause, last = max(self.longest_pause, now - last), now
 
     def silence(self):
         self.silent = True
@@ -213,11 +217,17 @@ def check_drive(robot, participant, client):
     awaited("motion", lambda: abs(robot.forward() - 0.1) < 0.03)
     refused = client.ask(do="drive", forward_mm_s=-100, yaw_rate_deg_s=0)[-1]["error"]
     assert "drives the robot" in refused["text"], refused
-    other = Driver(Participant(), twist(-0.1))
-    robot.warned("/cmd_vel", "another publisher drives")
-    speeds = [robot.forward() for _ in range(40)]
+    for _ in range(3):
+        driver.longest_pause = 0
+        other = Driver(Participant(), twist(-0.1))
+        robot.warned("/cmd_vel", "another publisher drives")
+        speeds = [robot.forward() for _ in range(40)]
+        other.silence()
+        # On a busy computer the first one may itself pause for longer than its lease, and the second drives.
+        if driver.longest_pause < 0.25:
+            break
+        awaited("motion", lambda: abs(robot.forward() - 0.1) < 0.03)
     assert min(speeds) > 0.03, f"the second publisher drives: {min(speeds)} m/s"
-    other.silence()
     return robot.stopped_after(driver.silence())
 
 

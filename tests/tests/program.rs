@@ -29,7 +29,7 @@ impl Program {
     fn configured() -> Self {
         let program = Self::blank();
         program.expect(0, "eeprom init robot.toml");
-        program.expect_each([(0, "eeprom write robot.toml", "0x0000 to 0x000C differ")]);
+        program.expect_each("0 | eeprom write robot.toml | 0x0000 to 0x000C differ");
         program
     }
 
@@ -74,11 +74,16 @@ impl Program {
         text
     }
 
-    /// Runs the program in each of these ways; it must print the text among others.
+    /// Runs the program in each of these ways: a line has the exit code, the words and a text that it prints.
     #[track_caller]
-    fn expect_each<'a>(&self, runs: impl IntoIterator<Item = (i32, &'a str, &'a str)>) {
-        for (code, words, expected) in runs {
-            let text = self.expect(code, words);
+    fn expect_each(&self, runs: &str) {
+        let lines = runs.trim().lines().map(str::trim);
+        for run in lines.filter(|line| !line.starts_with("//")) {
+            let parts: Vec<&str> = run.splitn(3, " | ").collect();
+            let [code, words, expected] = parts[..] else {
+                panic!("not a run: {run}");
+            };
+            let text = self.expect(code.parse().expect("an exit code"), words);
             assert!(text.contains(expected), "{words}: {text}");
         }
     }
@@ -136,58 +141,60 @@ fn senseless_drives_are_refused_before_they_move() {
     fs::write(program.file("tour"), "300 0 0\n").expect("written");
     fs::create_dir(program.file("map.png")).expect("made");
     fs::create_dir(program.file("eeprom.bin.explored.json")).expect("made");
-    program.expect_each([
-        (2, "--rate 7 goto 100 0 0", "would come 142 ms apart"),
-        (2, "--rate 7 serve", "would come 142 ms apart"),
-        (11, "map tour", "map.png"),
-        (11, "explore --out plan", "explored.json"),
-        (2, "tune move --yes --levels 20,100", "--levels 20"),
-        (2, "tune move", "ahead and back 6 times, up to 300 mm"),
-        (2, "tune move", "not confirmed"),
-        (13, "tune battery 1 5.1", "accepted are 5 %"),
-        (0, "--json doctor", "\"failed\":0"),
-    ]);
+    program.expect_each(
+        r#"
+        2 | --rate 7 goto 100 0 0 | would come 142 ms apart
+        2 | --rate 7 serve | would come 142 ms apart
+        11 | map tour | map.png
+        11 | explore --out plan | explored.json
+        2 | tune move --yes --levels 20,100 | --levels 20
+        2 | tune move | ahead and back 6 times, up to 300 mm
+        2 | tune move | not confirmed
+        13 | tune battery 1 5.1 | accepted are 5 %
+        0 | --json doctor | "failed":0
+        "#,
+    );
 }
 
 // Requirement: WIRE-program-1
 #[test]
 fn configuration_is_compared_saved_and_brought_back() {
-    const SERVO: &str = "platform.servo: false -> true";
-    const UPPER: &str = "battery.tap_1.upper_ohm: 10587 -> 10000";
     let program = Program::configured();
     let first = fs::read_to_string(program.file("robot.toml")).expect("there");
     let second = first.replace("servo = false", "servo = true");
     fs::write(program.file("second.toml"), second).expect("written");
-    program.expect_each([
-        (0, "eeprom diff robot.toml", "no difference"),
-        (1, "eeprom diff second.toml", SERVO),
-        (0, "eeprom backup saved.bin", "1024 bytes saved"),
-        (2, "eeprom backup saved.bin", "--force"),
-        (0, "eeprom write --dry-run second.toml", SERVO),
-        (1, "eeprom diff second.toml", SERVO),
-        (0, "eeprom write second.toml", "5 bytes written"),
-        (0, "eeprom diff second.toml", "no difference"),
-        (0, "eeprom restore saved.bin", "5 bytes written"),
-        (0, "eeprom diff robot.toml", "no difference"),
-        (0, "eeprom migrate", "0 bytes written"),
-        (0, "eeprom dump --hex", "0000  15 26 37 48"),
+    program.expect_each(
+        r#"
+        0 | eeprom diff robot.toml | no difference
+        1 | eeprom diff second.toml | platform.servo: false -> true
+        0 | eeprom backup saved.bin | 1024 bytes saved
+        2 | eeprom backup saved.bin | --force
+        0 | eeprom write --dry-run second.toml | platform.servo: false -> true
+        1 | eeprom diff second.toml | platform.servo: false -> true
+        0 | eeprom write second.toml | 5 bytes written
+        0 | eeprom diff second.toml | no difference
+        0 | eeprom restore saved.bin | 5 bytes written
+        0 | eeprom diff robot.toml | no difference
+        0 | eeprom migrate | 0 bytes written
+        0 | eeprom dump --hex | 0000  15 26 37 48
         // 0.055 V more than the STM reads.
-        (0, "tune battery 1 3.95 --yes", "10587 ohm written"),
-        (1, "eeprom diff robot.toml", UPPER),
-        (0, "tune rollback", "as it was before"),
-        (0, "eeprom diff robot.toml", "no difference"),
+        0 | tune battery 1 3.95 --yes | 10587 ohm written
+        1 | eeprom diff robot.toml | battery.tap_1.upper_ohm: 10587 -> 10000
+        0 | tune rollback | as it was before
+        0 | eeprom diff robot.toml | no difference
         // The first board's are faster.
-        (13, "tune move --yes --levels 60,90", "be worse than the"),
-        (0, "eeprom diff robot.toml", "no difference"),
-        (0, "tune rotate --yes --levels 60,90", "gains written"),
-        (1, "eeprom diff robot.toml", "pid.rotation.p: "),
-        (0, "tune rollback", "as it was before"),
-        (14, "bringup robot.toml", "the firmware is not heard"),
-        (2, "calibrate rollback", "no tuning or calibration"),
-        (0, "reset", "STM reset; ready after"),
-        (0, "status", "stop deadline 250 ms"),
-        (0, "stop", "stopped (stopped)"),
-    ]);
+        13 | tune move --yes --levels 60,90 | be worse than the
+        0 | eeprom diff robot.toml | no difference
+        0 | tune rotate --yes --levels 60,90 | gains written
+        1 | eeprom diff robot.toml | pid.rotation.p:
+        0 | tune rollback | as it was before
+        14 | bringup robot.toml | the firmware is not heard
+        2 | calibrate rollback | no tuning or calibration
+        0 | reset | STM reset; ready after
+        0 | status | stop deadline 250 ms
+        0 | stop | stopped (stopped)
+        "#,
+    );
     assert!(program.file("tune-move.csv").exists());
 }
 
@@ -199,46 +206,26 @@ const SMALL_ROOM: &str = "wall -700 -700 700 -700 700 700 -700 700 -700 -700\nst
 fn robot_is_checked_calibrated_and_explores_a_room() {
     let program = Program::configured();
     fs::write(program.file("small.room"), SMALL_ROOM).expect("written");
-    program.expect_each([
-        (0, "--json doctor --wheels-up --yes", "\"failed\":0"),
-        (
-            0,
-            "--true-diameter-left 81 --true-diameter-right 81 calibrate distance --length 500 --yes \
-             --measure-with truth --no-verify",
-            "platform.wheel_diameter_left_mm: 80.0 -> 8",
-        ),
-        (1, "eeprom diff robot.toml", "-> 80.0"),
-        (0, "calibrate rollback", "as it was before"),
-        (0, "eeprom diff robot.toml", "no difference"),
-        (
-            0,
-            "calibrate distance --measured 506,-3 --length 500 --dry-run",
-            "506.0 mm ahead, -3.0 mm",
-        ),
-        (
-            0,
-            "calibrate umbmark --side 300 --runs 1 --dry-run --yes --measure-with truth",
-            "right wheel against left -0.1",
-        ),
-        (8, "goto 3000 0 0 --timeout 20", "an obstacle ahead holds"),
-        (
-            0,
-            "--room small.room explore --yes --record way.mcap",
-            " min: map of 2",
-        ),
-        (0, "calibrate from-explore --dry-run", "not written"),
-        (
-            8,
-            "--room small.room explore --timeout 20 --out part",
-            "the time ran out",
-        ),
-        (
-            0,
-            "--room small.room goto --map map.yaml 200 100 --start 0,0,0",
-            "arrived at x",
-        ),
-        (0, "replay way.mcap", "mm"),
-    ]);
+    program.expect_each(r#"0 | --json doctor --wheels-up --yes | "failed":0"#);
+    program.expect_each(
+        "0 | --true-diameter-left 81 --true-diameter-right 81 calibrate distance --length 500 --yes \
+         --measure-with truth --no-verify | platform.wheel_diameter_left_mm: 80.0 -> 8",
+    );
+    program.expect_each(
+        "
+        1 | eeprom diff robot.toml | -> 80.0
+        0 | calibrate rollback | as it was before
+        0 | eeprom diff robot.toml | no difference
+        0 | calibrate distance --measured 506,-3 --length 500 --dry-run | 506.0 mm ahead, -3.0 mm
+        0 | calibrate umbmark --side 300 --runs 1 --dry-run --yes --measure-with truth | right wheel against left -0.1
+        8 | goto 3000 0 0 --timeout 20 | an obstacle ahead holds
+        0 | --room small.room explore --yes --record way.mcap | min: map of 2
+        0 | calibrate from-explore --dry-run | not written
+        8 | --room small.room explore --timeout 20 --out part | the time ran out
+        0 | --room small.room goto --map map.yaml 200 100 --start 0,0,0 | arrived at x
+        0 | replay way.mcap | mm
+        ",
+    );
 }
 
 // Requirement: SERVE-borrow-1
@@ -247,26 +234,23 @@ fn commands_borrow_the_robot_of_a_server() {
     let program = Program::blank();
     fs::write(program.file("tour"), "150 0 0\n0 0 0\n").expect("written");
     let _server = program.serve();
-    program.expect_each([
-        (0, "--json doctor", "\"failed\":0"),
-        (0, "tour tour", "2 of 2: arrived"),
-        (0, "map tour --record drive.mcap", "reports over 0.3"),
-        (
-            0,
-            "map --from drive.mcap --out again",
-            "by odometry alone in again-raw.png",
-        ),
-        (0, "goto --map map.yaml 100 0 --start 0,0,0", "arrived at"),
-        (0, "tune rotate --yes --dry-run", "not written"),
-        (0, "eeprom check", "Guarded Velocity"),
-        (0, "mode guarded-normal", "both ends"),
-        (0, "goto 100 0 0", "arrived at"),
-        (0, "--json monitor --count 3", "Guarded Normal"),
-        (0, "stop", "stopped"),
-    ]);
+    program.expect_each(
+        r#"
+        0 | --json doctor | "failed":0
+        0 | tour tour | 2 of 2: arrived
+        0 | map tour --record drive.mcap | reports over 0.3
+        0 | map --from drive.mcap --out again | by odometry alone in again-raw.png
+        0 | goto --map map.yaml 100 0 --start 0,0,0 | arrived at
+        0 | tune rotate --yes --dry-run | not written
+        0 | eeprom check | Guarded Velocity
+        0 | mode guarded-normal | both ends
+        0 | goto 100 0 0 | arrived at
+        0 | --json monitor --count 3 | Guarded Normal
+        0 | stop | stopped
+        "#,
+    );
     assert!(program.expect(0, "replay drive.mcap").lines().count() > 40);
-    let calibrate = "calibrate distance --yes --measure-with truth";
-    program.expect_each([(2, calibrate, "end the server")]);
+    program.expect_each("2 | calibrate distance --yes --measure-with truth | end the server");
 
     // A measurement that is killed does not leave its mode.
     let mut tune = program.command("tune rotate --yes");
@@ -279,7 +263,7 @@ fn commands_borrow_the_robot_of_a_server() {
     }
     std::thread::sleep(Duration::from_millis(300));
     tune.kill().and_then(|()| tune.wait()).expect("a child");
-    program.expect_each([(0, "eeprom check", "Guarded Normal")]);
+    program.expect_each("0 | eeprom check | Guarded Normal");
     assert!(!journal.exists());
 }
 
@@ -311,9 +295,9 @@ fn teleop(program: &Program, typed: &[u8]) {
 #[test]
 fn teleop_drives_by_keys_of_a_terminal() {
     let alone = Program::configured();
-    alone.expect_each([(0, "mode guarded-normal", "both ends")]);
+    alone.expect_each("0 | mode guarded-normal | both ends");
     teleop(&alone, b"q");
-    alone.expect_each([(0, "eeprom check", "Guarded Velocity")]);
+    alone.expect_each("0 | eeprom check | Guarded Velocity");
     let program = Program::blank();
     let _server = program.serve();
     teleop(&program, b"wwwwwwwwwwwwwwwwwwwwq");

@@ -158,12 +158,23 @@ impl Mixer {
     }
 
     fn balance(&mut self) {
-        let (left, right) = (self.left.gain(), self.right.gain());
+        self.balance_by(self.left.gain(), self.right.gain());
+    }
+
+    #[inline]
+    fn balance_by(&mut self, left: u32, right: u32) {
         self.max_output = self
             .left
             .balance(left, right)
             .min(self.right.balance(right, left))
             .min(100 * PERCENT);
+    }
+
+    /// As after ticks that identified these counts per duty.
+    #[must_use]
+    pub fn with_gains(mut self, left: u32, right: u32) -> Self {
+        self.balance_by(left.max(1), right.max(1));
+        self
     }
 
     /// Commands for a forward and a counter-clockwise output, percent.
@@ -182,7 +193,7 @@ impl Mixer {
     /// Commands for each wheel's own output, 2⁻¹⁶ %, cut to its limit.
     // Requirement: WIRE-eeprom-6
     #[must_use]
-    pub(super) fn each(&mut self, left: i32, right: i32) -> MotorCommands {
+    pub fn each(&mut self, left: i32, right: i32) -> MotorCommands {
         let left = self.left.duty(left);
         let right = self.right.duty(right);
         self.commands(hundredths(left), hundredths(right))

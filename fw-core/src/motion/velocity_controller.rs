@@ -194,6 +194,19 @@ impl VelocityRamp {
     }
 }
 
+/// What a tick leaves to the next one, besides the PIs and the mixer.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct VelocityState {
+    /// The velocity that the wheels follow, within all limits.
+    pub applied: Velocity,
+    /// The left and the right wheel's required speed behind one and two lags, 2⁻¹⁶ mm a tick.
+    pub lags: [[i32; 2]; 2],
+    /// Their speeds' deviations from it, millimetres a tick.
+    pub deviations: [LowPass; 2],
+    /// They were last to run backwards.
+    pub backward: [bool; 2],
+}
+
 /// The velocity controller.
 #[derive(Clone, Debug)]
 pub struct VelocityController {
@@ -329,6 +342,27 @@ impl VelocityController {
     /// The velocity that the wheels follow, within all limits.
     pub const fn applied(&self) -> Velocity {
         self.applied
+    }
+
+    /// As after ticks that left this state.
+    #[must_use]
+    pub const fn with_state(mut self, state: VelocityState) -> Self {
+        self.applied = state.applied;
+        [self.left.lag, self.right.lag] = state.lags;
+        [self.left.deviation, self.right.deviation] = state.deviations;
+        [self.left.backward, self.right.backward] = state.backward;
+        self
+    }
+
+    /// What the last tick left.
+    pub const fn state(&self) -> VelocityState {
+        let (left, right) = (&self.left, &self.right);
+        VelocityState {
+            applied: self.applied,
+            lags: [left.lag, right.lag],
+            deviations: [left.deviation, right.deviation],
+            backward: [left.backward, right.backward],
+        }
     }
 
     /// Whether the obstacle stop reduced the last command.

@@ -7,64 +7,16 @@ use fw_core::motion::mixer::Mixer;
 use fixed::types::I16F16;
 
 use crate::eeprom::accepted::AcceptedConfig;
-use crate::input::{Input, Source};
 use crate::property::Seen;
 use fw_core::types::{Delta, MotorCommand, MotorCommands};
 
-/// History of a mixer: driving straight on with constant counts.
-#[derive(Clone, Copy, Debug)]
-pub struct Driven {
-    /// Duration.
-    pub ticks: u8,
-    /// Output, 2⁻¹⁶ %.
-    pub forward: i32,
-    /// Counts a tick.
-    pub left: i16,
-    /// Counts a tick.
-    pub right: i16,
-}
+/// Counts per duty of the left and the right motor, as identified.
+type Gains = (u32, u32);
 
-impl Driven {
-    /// None.
-    #[cfg(kani)]
-    const NOT: Self = Self {
-        ticks: 0,
-        forward: 0,
-        left: 0,
-        right: 0,
-    };
-
-    fn mixer(&self, config: &Config) -> Mixer {
-        let mut mixer = Mixer::new(config);
-        let delta = Delta::rolled(self.left.into(), self.right.into());
-        for _ in 0..self.ticks {
-            let _ = mixer.mix(I16F16::from_bits(self.forward), I16F16::ZERO);
-            mixer.observe(&delta);
-        }
-        mixer
-    }
-}
-
-/// The mixer with this history of an accepted configuration, and that.
-fn driven_on(values: &AcceptedConfig, driven: Driven) -> Option<(Mixer, Config)> {
+/// The mixer of an accepted configuration with these gains, and that.
+fn mixer_of(values: &AcceptedConfig, (left, right): Gains) -> Option<(Mixer, Config)> {
     let (accepted, config) = values.checked();
-    accepted.then(|| (driven.mixer(&config), config))
-}
-
-impl Input for Driven {
-    fn draw(source: &mut impl Source) -> Self {
-        // Realistic counts as often as any.
-        let counts = |source: &mut _| {
-            let any = i16::draw(source);
-            any >> if bool::draw(source) { 8 } else { 0 }
-        };
-        Self {
-            ticks: Input::draw(source),
-            forward: i32::draw(source) >> (u8::draw(source) % 16),
-            left: counts(source),
-            right: counts(source),
-        }
-    }
+    accepted.then(|| (Mixer::new(&config).with_gains(left, right), config))
 }
 
 /// The duty of a motor that runs, forward positive, hundredths of a percent.
@@ -95,59 +47,65 @@ fn gain_balance_is_in_range(mixer: &Mixer) -> bool {
     left.min(right) >= I16F16::ONE / 4 && left.max(right) == I16F16::ONE
 }
 
-/// No output makes a duty beyond the wheel's limit, for any identified gains; output 0 is duty 0.
+/// No output makes a duty beyond the wheel's limit, on any platform, for any identified gains; output 0 is
+/// duty 0.
 // Requirement: WIRE-eeprom-6
 pub fn duty_keeps_its_wheels_limit(
     values: AcceptedConfig,
-    driven: Driven,
+    gains: Gains,
     forward: i32,
     rotation: i32,
 ) -> Seen {
-    given!(let Some((mut mixer, config)) = driven_on(&values, driven));
-    assert!(gain_balance_is_in_range(&mixer));
-    let commands = mixer.mix(I16F16::from_bits(forward), I16F16::from_bits(rotation));
-    let duties = duties(commands, &config);
-    let [left, right] = limits(&config);
-    assert!(duties[0].abs() <= left && duties[1].abs() <= right);
-    if forward == 0 && rotation == 0 {
-        assert!(duties[0] == 0 && duties[1] == 0);
-    }
-    Seen::NOTHING
-        .case(0, duties[0].abs() == left || duties[1].abs() == right)
-        .case(1, duties[0] > 0 && duties[1] < 0)
-        .case(2, forward == 0 && rotation == 0)
+    given!(let Some((mut mixer, config)) = mixer_of(&values, gains));
+    let most = limits(&config);
+    let within = |commands| {
+        let duties = duties(commands, &config);
+        assert!(duties[0].abs() <= most[0] && duties[1].abs() <= most[1]);
+        assert!(forward != 0 || rotation != 0 || duties == [0; 2]);
+        duties
+    };
+    let _ = within(mixer.mix(I16F16::from_bits(forward), I16F16::from_bits(rotation)));
+    // The velocity controller asks for no more.
+    let [left, right] = [forward, rotation].map(|output| output.clamp(-(600 << 16), 600 << 16));
+    let duties = within(mixer.each(left, right));
+    seen!(
+        duties[0].abs() == most[0] || duties[1].abs() == most[1],
+        duties[0] > 0 && duties[1] < 0,
+        forward == 0 && rotation == 0
+    )
 }
 
 /// Duties of the tuning modes are limited per wheel and else exact, without compensation.
 // Requirement: DOC-5.2.2-1, WIRE-eeprom-6
 pub fn raw_duty_is_exact_within_limits(
     values: AcceptedConfig,
-    driven: Driven,
+    gains: Gains,
     left: i32,
     right: i32,
 ) -> Seen {
-    given!(let Some((mut mixer, config)) = driven_on(&values, driven));
+    given!(let Some((mut mixer, config)) = mixer_of(&values, gains));
     let duties = duties(mixer.raw(left, right), &config);
     for ((requested, limit), duty) in [left, right].into_iter().zip(limits(&config)).zip(duties) {
         assert!(duty == requested.clamp(-limit, limit));
     }
     assert!(mixer.brake() == MotorCommands::BRAKE);
-    Seen::NOTHING
-        .case(0, duties[0] == left && duties[1] == right)
-        .case(1, duties[0] != left)
-        .case(2, duties[1] != right)
+    seen!(
+        duties == [left, right],
+        duties[0] != left,
+        duties[1] != right
+    )
 }
 
 /// The duty is monotone in the output, in the dead zone and across it; from 1 % of scaled output on it
 /// exceeds the dead zone.
 pub fn compensation_is_monotone(
     values: AcceptedConfig,
-    driven: Driven,
+    gains: Gains,
     less: i32,
     more: i32,
 ) -> Seen {
     given!(less <= more);
-    given!(let Some((mixer, config)) = driven_on(&values, driven));
+    given!(let Some((mixer, config)) = mixer_of(&values, gains));
     let straight = |output: i32| {
         let commands = mixer.clone().mix(I16F16::from_bits(output), I16F16::ZERO);
         duties(commands, &config)
@@ -165,22 +123,23 @@ pub fn compensation_is_monotone(
     if moves {
         assert!(high[0] >= dead_zones[0] && high[1] >= dead_zones[1]);
     }
-    Seen::NOTHING
-        .case(0, moves && high[0] < 9_000)
-        .case(1, low[0] <= 0 && high[0] > 0)
-        .case(2, low[0] > 0 && low[0] < high[0])
+    seen!(
+        moves && high[0] < 9_000,
+        low[0] <= 0 && high[0] > 0,
+        low[0] > 0 && low[0] < high[0]
+    )
 }
 
 /// Rotation has priority: it is exact up to the largest output, and forward gets the headroom, in the same
 /// proportion on both wheels. On a platform without dead zones, to 0.03 %.
 pub fn rotation_has_priority(
     values: AcceptedConfig,
-    driven: Driven,
+    gains: Gains,
     forward: i32,
     rotation: i32,
 ) -> Seen {
     let values = values.with(DEAD_ZONE_LEFT, 0).with(DEAD_ZONE_RIGHT, 0);
-    given!(let Some((mut mixer, config)) = driven_on(&values, driven));
+    given!(let Some((mut mixer, config)) = mixer_of(&values, gains));
     let (left_balance, right_balance) = mixer.gain_balance();
     let balance = [left_balance.to_bits(), right_balance.to_bits()].map(i64::from);
     let commands = mixer.mix(I16F16::from_bits(forward), I16F16::from_bits(rotation));
@@ -199,13 +158,11 @@ pub fn rotation_has_priority(
     let headroom = max_output - expected_turn.abs();
     let expected_ahead = twice(forward).clamp(-headroom, headroom);
     assert!((turn - expected_turn).abs() <= 6 && (ahead - expected_ahead).abs() <= 6);
-    Seen::NOTHING
-        .case(0, twice(forward).abs() > headroom && headroom > 100)
-        .case(1, twice(rotation).abs() > max_output)
-        .case(
-            2,
-            expected_ahead == twice(forward) && expected_turn == twice(rotation),
-        )
+    seen!(
+        twice(forward).abs() > headroom && headroom > 100,
+        twice(rotation).abs() > max_output,
+        expected_ahead == twice(forward) && expected_turn == twice(rotation)
+    )
 }
 
 /// For any outputs and motions no overflow, both factors within ¼ ..= 1, and the weaker wheel's is 1.
@@ -235,46 +192,37 @@ pub fn gain_balance_stays_in_range(values: AcceptedConfig, script: [u8; 64]) -> 
     seen!(identified, left < I16F16::ONE, right < I16F16::ONE)
 }
 
-/// The first board's dead zones and any limits.
-#[cfg(kani)]
-fn of_any_limits() -> AcceptedConfig {
-    AcceptedConfig::of_any(|field| matches!(field.address, 0x0320 | 0x0322))
-}
-
-/// The first board's limits and any dead zones.
-#[cfg(kani)]
-fn of_any_dead_zones() -> AcceptedConfig {
-    AcceptedConfig::of_any(|field| matches!(field.address, 0x031C | 0x031E))
-}
-
 /// Two outputs next to each other: that the duty is monotone in all follows.
 #[cfg(kani)]
-const fn neighbours(less: i32) -> (AcceptedConfig, Driven, i32, i32) {
+const fn neighbours(less: i32) -> (AcceptedConfig, Gains, i32, i32) {
     let more = less.saturating_add(1);
-    (AcceptedConfig::FIRST_BOARD, Driven::NOT, less, more)
+    (AcceptedConfig::FIRST_BOARD, (1, 1), less, more)
 }
 
 crate::properties! {
     property T7 duty_keeps_its_wheels_limit(
-        values: AcceptedConfig, driven: Driven, forward: i32, rotation: i32
+        values: AcceptedConfig, gains: Gains, forward: i32, rotation: i32
     ) {
         cases ["at a limit", "on the spot", "no output"];
-        needs [accepted_configuration_is_bounded, gain_balance_stays_in_range];
-        kani any_limits [unwind(80)] = (of_any_limits(), Driven::NOT, any(), any());
-        kani any_dead_zones [unwind(80)] = (of_any_dead_zones(), Driven::NOT, any(), any());
+        needs [accepted_configuration_is_bounded];
+        kani any_limits [unwind(80)] = (
+            AcceptedConfig::of_any(|field| matches!(field.address, 0x0320 | 0x0322)), (1, 1), any(), any()
+        );
+        kani any_dead_zones [unwind(80)] = (
+            AcceptedConfig::of_any(|field| matches!(field.address, 0x031C | 0x031E)), (1, 1), any(), any()
+        );
         sampled 100_000;
     }
-    property T7 raw_duty_is_exact_within_limits(
-        values: AcceptedConfig, driven: Driven, left: i32, right: i32
+    theorem T7 raw_duty_is_exact_within_limits(
+        values: AcceptedConfig, gains: Gains, left: i32, right: i32
     ) {
         cases ["exact", "the left one at its limit", "the right one at its limit"];
         needs [accepted_configuration_is_bounded];
-        kani any_platform [unwind(80)] =
-            (AcceptedConfig::of_any_page(3), Driven::NOT, any(), any());
+        kani any_platform [unwind(80)] = (AcceptedConfig::of_any_page(3), any(), any(), any());
         sampled 100_000;
     }
     property T7 compensation_is_monotone(
-        values: AcceptedConfig, driven: Driven, less: i32, more: i32
+        values: AcceptedConfig, gains: Gains, less: i32, more: i32
     ) {
         cases ["past the dead zone", "across zero", "forwards"];
         needs [accepted_configuration_is_bounded, gain_balance_stays_in_range];
@@ -282,7 +230,7 @@ crate::properties! {
         sampled 100_000;
     }
     property T7 rotation_has_priority(
-        values: AcceptedConfig, driven: Driven, forward: i32, rotation: i32
+        values: AcceptedConfig, gains: Gains, forward: i32, rotation: i32
     ) {
         cases ["forward reduced", "rotation limited", "both fit"];
         needs [accepted_configuration_is_bounded, gain_balance_stays_in_range];

@@ -60,7 +60,7 @@ pub fn any_state_is_safe(
 
 /// Any output: by `step_stays_within_the_limit` the PID's is within its limit, 100 % at most.
 #[cfg(kani)]
-fn any_output(_: &mut Pid, _error: I16F16, _rate: I16F16) -> I16F16 {
+pub(super) fn any_output(_: &mut Pid, _error: I16F16, _rate: I16F16) -> I16F16 {
     let percent: i32 = crate::input::any();
     I16F16::from_bits(percent.clamp(-(100 << 16), 100 << 16))
 }
@@ -69,10 +69,14 @@ fn any_output(_: &mut Pid, _error: I16F16, _rate: I16F16) -> I16F16 {
 #[cfg(kani)]
 fn any_commands(_: &mut Mixer, _forward: I16F16, _rotation: I16F16) -> MotorCommands {
     let (left, right) = crate::input::any();
-    MotorCommands {
-        left: MotorCommand::Run(Duty::saturating(left)),
-        right: MotorCommand::Run(Duty::saturating(right)),
-    }
+    let [left, right] = [left, right].map(|duty| MotorCommand::Run(Duty::saturating(duty)));
+    MotorCommands { left, right }
+}
+
+/// Likewise for each wheel's own output.
+#[cfg(kani)]
+pub(super) fn any_commands_of_each(mixer: &mut Mixer, _left: i32, _right: i32) -> MotorCommands {
+    any_commands(mixer, I16F16::ZERO, I16F16::ZERO)
 }
 
 /// Any values: by `sine_and_cosine_are_accurate` there are some, within ±1.

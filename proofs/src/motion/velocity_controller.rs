@@ -1,13 +1,17 @@
 //! T16: limits of speed, yaw rate, acceleration and duty hold in velocity mode, and zero holds.
 
-use fw_core::eeprom::{Config, ObstacleStop, VelocityLimits, Wheel};
+use fw_core::eeprom::{Config, ObstacleStop, VelocityLimits};
 use fw_core::motion::obstacle_limit::Track;
-use fw_core::motion::velocity_controller::{VelocityRamp, towards};
+use fw_core::motion::pose_controller::stiction::LowPass;
+use fw_core::motion::velocity_controller::{VelocityRamp, VelocityState, towards};
 use fw_core::motion::{ObstacleLimit, VelocityController};
-use fw_core::types::{Milliseconds, MotorCommand, MotorCommands, Velocity};
+use fw_core::types::{Delta, Milliseconds, MotorCommand, MotorCommands, Velocity};
 
 use super::obstacle_limit::Event;
+#[cfg(kani)]
+use super::pose_controller::{any_commands_of_each, any_output};
 use crate::eeprom::accepted::AcceptedConfig;
+use crate::input::{Input, Source};
 use crate::property::Seen;
 
 /// Controller and obstacle stop at rest.
@@ -25,11 +29,13 @@ fn is_followed(before: i32, after: i32, step: u32) -> bool {
     slower || after.abs_diff(before) <= step
 }
 
-fn duty_is_within_limit(command: MotorCommand, wheel: &Wheel) -> bool {
-    match command {
-        MotorCommand::Run(duty) => duty.hundredths().abs() <= wheel.limit.hundredths(),
-        MotorCommand::Brake => true,
-        MotorCommand::Coast => false,
+/// The nearest velocity within its limits.
+fn within(velocity: Velocity, ramp: &VelocityRamp) -> Velocity {
+    Velocity {
+        forward: velocity.forward.clamp(-ramp.max_speed, ramp.max_speed),
+        yaw_rate: velocity
+            .yaw_rate
+            .clamp(-ramp.max_yaw_rate, ramp.max_yaw_rate),
     }
 }
 
@@ -47,14 +53,7 @@ pub fn ramp_keeps_its_limits(
     let smallest = ramp.max_speed.min(ramp.max_yaw_rate);
     let smallest = smallest.min(ramp.speed_step).min(ramp.yaw_step);
     given!(smallest.min(max_forward) >= 0 && max_reverse_mm_s <= 2_000);
-    let cut = |velocity: Velocity| Velocity {
-        forward: velocity.forward.clamp(-ramp.max_speed, ramp.max_speed),
-        yaw_rate: velocity
-            .yaw_rate
-            .clamp(-ramp.max_yaw_rate, ramp.max_yaw_rate),
-    };
-    let within = |velocity| cut(velocity) == velocity;
-    let before = cut(before);
+    let before = within(before, &ramp);
     // The ramp asks for nothing but the two limits.
     let figures = ObstacleStop {
         stop_distance_mm: 0,
@@ -71,12 +70,17 @@ pub fn ramp_keeps_its_limits(
     });
     let followed = ramp.step(before, commanded, &obstacle);
     let after = followed.velocity;
-    assert!(within(after) && within(followed.target) && !obstacle.limited(after.forward));
+    assert!(
+        [after, followed.target].map(|velocity| within(velocity, &ramp))
+            == [after, followed.target]
+    );
+    assert!(!obstacle.limited(after.forward));
     let steps = (ramp.speed_step.unsigned_abs(), ramp.yaw_step.unsigned_abs());
     assert!(is_followed(before.forward, after.forward, steps.0));
     assert!(is_followed(before.yaw_rate, after.yaw_rate, steps.1));
     assert!(followed.free == obstacle.limit(followed.target.forward));
-    assert!(followed.clipped || within(commanded) && after.yaw_rate == commanded.yaw_rate);
+    assert!(followed.clipped || within(commanded, &ramp) == commanded);
+    assert!(followed.clipped || after.yaw_rate == commanded.yaw_rate);
     assert!(followed.clipped || after.forward == obstacle.limit(commanded.forward));
     // As far as one tick leads, or nearer by it.
     let remaining = |from: i32, to: i32, step: u32| from.abs_diff(to).saturating_sub(step);
@@ -87,14 +91,12 @@ pub fn ramp_keeps_its_limits(
     );
     assert!(turn == remaining(before.yaw_rate, yaw_rate, steps.1));
     assert!(ahead <= remaining(before.forward, forward, steps.0));
-    Seen::NOTHING
-        .case(0, followed.clipped)
-        .case(1, !followed.clipped && after != before)
-        .case(
-            2,
-            after.forward < before.forward && commanded.forward > before.forward,
-        )
-        .case(3, after.forward == 0 && before.forward != 0)
+    seen!(
+        followed.clipped,
+        !followed.clipped && after != before,
+        after.forward < before.forward && commanded.forward > before.forward,
+        after.forward == 0 && before.forward != 0
+    )
 }
 
 /// The ramp's limits are the configured ones, a change per second is a hundred a tick.
@@ -126,76 +128,70 @@ pub fn slowing_never_speeds_up(from: i32, less: i32) -> Seen {
     seen!(after == 0 && from < 0, after > 0 && less > 0)
 }
 
-/// Braked for a zero command, the robot stays braked as long as zero is commanded, whatever rolls,
-/// turns or echoes.
-// Requirement: WIRE-velocity-6
-pub fn zero_command_holds_the_brake(
+/// The nearest state that a tick can leave.
+fn possible(mut state: VelocityState, limits: &VelocityLimits) -> VelocityState {
+    let ramp = VelocityRamp::new(limits);
+    state.applied = within(state.applied, &ramp);
+    for [first, second] in &mut state.lags {
+        // A tick's way of 20 mm, and of 32 mm by the rotation, fits.
+        for lag in [first, second] {
+            *lag = (*lag).clamp(-(1 << 22), 1 << 22);
+        }
+    }
+    for deviation in &mut state.deviations {
+        deviation.0 = deviation.0.clamp(-(1 << 28), 1 << 28);
+    }
+    state
+}
+
+/// Inductive step, from any state that a tick can leave, with any command, after any motion of the wheels and
+/// with any limits of the obstacle stop: speed and yaw rate within their limits and the obstacle stop's, gained
+/// no faster than configured; no overflow, such a state again, both motors braked or both running; not clipped
+/// only where the command is followed. At rest, a zero command holds the brake, whatever rolls, turns or echoes.
+// Requirement: WIRE-velocity-3, WIRE-velocity-6, WIRE-obstacle-1
+pub fn velocity_keeps_its_limits(
     values: AcceptedConfig,
+    state: Option<VelocityState>,
+    (command, delta): (Option<Velocity>, Delta),
     track: Track,
-    event: Event,
-    ticks: u8,
 ) -> Seen {
     given!(let (true, config) = values.checked());
     given!(track.max_forward >= 0);
-    let (mut controller, obstacle) = parts(&config);
-    let mut obstacle = obstacle.with_track(track);
-    for _ in 0..ticks % 9 {
-        let delta = event.apply(&mut obstacle);
-        let commands = controller.step(Velocity::default(), &obstacle, &delta);
-        assert!(commands == MotorCommands::BRAKE && !controller.clipped());
-        assert!(controller.applied() == Velocity::default() && !controller.held_back());
-    }
-    seen!(obstacle.max_forward() == 0, obstacle.max_forward() > 0)
-}
-
-/// For any commands, motions and echoes: speed and yaw rate within their limits and the obstacle stop's,
-/// gained no faster than configured, duty within each wheel's limit; no overflow; not clipped only where
-/// the command is followed.
-// Requirement: WIRE-velocity-3, WIRE-eeprom-6, WIRE-obstacle-1
-pub fn velocity_keeps_its_limits(
-    values: AcceptedConfig,
-    ticks: [(Velocity, (Event, ())); 8],
-    count: u8,
-    repeats: u8,
-) -> Seen {
-    given!(let (true, config) = values.checked());
     let limits = config.velocity_limits();
-    let (mut controller, mut obstacle) = parts(&config);
-    let mut seen = Seen::NOTHING;
-    for (command, (event, ())) in ticks.into_iter().take(usize::from(count % 9)) {
-        for _ in 0..=repeats {
-            let before = controller.applied();
-            let delta = event.apply(&mut obstacle);
-            let commands = controller.step(command, &obstacle, &delta);
-            let applied = controller.applied();
-            assert!(applied.forward.unsigned_abs() <= u32::from(limits.speed_mm_s) * 1000);
-            assert!(applied.yaw_rate.unsigned_abs() <= limits.yaw_rate);
-            assert!(!obstacle.limited(applied.forward));
-            let speed_step = u32::from(limits.acceleration_mm_s2) * 10;
-            assert!(is_followed(before.forward, applied.forward, speed_step));
-            assert!(is_followed(
-                before.yaw_rate,
-                applied.yaw_rate,
-                limits.yaw_acceleration / 100
-            ));
-            assert!(duty_is_within_limit(commands.left, config.left()));
-            assert!(duty_is_within_limit(commands.right, config.right()));
-            let followed = Velocity {
-                forward: obstacle.limit(command.forward),
-                ..command
-            };
-            assert!(controller.clipped() || applied == followed);
-            seen = seen
-                .case(0, controller.clipped())
-                .case(1, !controller.clipped() && applied != Velocity::default())
-                .case(2, obstacle.limited(command.forward))
-                .case(
-                    3,
-                    applied.forward.unsigned_abs() < before.forward.unsigned_abs(),
-                );
-        }
+    let (controller, obstacle) = parts(&config);
+    let obstacle = obstacle.with_track(track);
+    let rest = VelocityState::default();
+    let before = possible(state.unwrap_or(rest), limits);
+    // None is the command that is followed.
+    let command = command.unwrap_or(before.applied);
+    let mut controller = controller.with_state(before);
+    let commands = controller.step(command, &obstacle, &delta);
+    let (after, applied) = (controller.state(), controller.applied());
+    let rests = before == rest && command == rest.applied;
+    if rests {
+        assert!(commands == MotorCommands::BRAKE && after == rest);
+        assert!(!controller.clipped() && !controller.held_back());
     }
-    seen
+    let before = before.applied;
+    assert!(possible(after, limits) == after && !obstacle.limited(applied.forward));
+    let speed_step = u32::from(limits.acceleration_mm_s2) * 10;
+    assert!(is_followed(before.forward, applied.forward, speed_step));
+    let yaw_step = limits.yaw_acceleration / 100;
+    assert!(is_followed(before.yaw_rate, applied.yaw_rate, yaw_step));
+    let runs = |drive: MotorCommand| matches!(drive, MotorCommand::Run(_));
+    assert!(commands == MotorCommands::BRAKE || runs(commands.left) && runs(commands.right));
+    let followed = Velocity {
+        forward: obstacle.limit(command.forward),
+        ..command
+    };
+    assert!(controller.clipped() || applied == followed);
+    seen!(
+        controller.clipped(),
+        !controller.clipped() && applied != Velocity::default(),
+        obstacle.limited(command.forward),
+        applied.forward.unsigned_abs() < before.forward.unsigned_abs(),
+        rests
+    )
 }
 
 /// A zero command ends in the brake, whatever the wheels do: when both the speed and the yaw rate have been
@@ -231,6 +227,19 @@ pub fn zero_command_ends_in_the_brake(
     seen!(moving && forward != 0, moving && yaw_rate != 0, !moving)
 }
 
+impl Input for VelocityState {
+    fn draw(source: &mut impl Source) -> Self {
+        let lags: [(i32, i32); 2] = Input::draw(source);
+        let others: [(LowPass, bool); 2] = Input::draw(source);
+        Self {
+            applied: Input::draw(source),
+            lags: lags.map(Into::into),
+            deviations: others.map(|(deviation, _)| deviation),
+            backward: others.map(|(_, backward)| backward),
+        }
+    }
+}
+
 crate::properties! {
     theorem T16 ramp_keeps_its_limits(
         ramp: VelocityRamp, max_forward: i32, max_reverse_mm_s: u16, before: Velocity, commanded: Velocity
@@ -250,20 +259,18 @@ crate::properties! {
         kani proof [unwind(2)];
         sampled 100_000;
     }
-    property T16 zero_command_holds_the_brake(
-        values: AcceptedConfig, track: Track, event: Event, ticks: u8
-    ) {
-        cases ["at an obstacle", "free"];
-        needs [accepted_configuration_is_bounded];
-        kani first_board [unwind(80)] = (AcceptedConfig::FIRST_BOARD, any(), any(), 1);
-        sampled 50_000;
-    }
     property T16 velocity_keeps_its_limits(
-        values: AcceptedConfig, ticks: [(Velocity, (Event, ())); 8], count: u8, repeats: u8
+        values: AcceptedConfig, state: Option<VelocityState>, tick: (Option<Velocity>, Delta), track: Track
     ) {
-        cases ["clipped", "followed", "limited by an obstacle", "slowed"];
-        needs [accepted_configuration_is_bounded];
-        sampled 20_000;
+        cases ["clipped", "followed", "limited by an obstacle", "slowed", "at rest"];
+        needs [
+            accepted_configuration_is_bounded, step_stays_within_the_limit, duty_keeps_its_wheels_limit,
+        ];
+        kani first_board [
+            unwind(80), stub(fw_core::motion::pid::Pid::step, any_output),
+            stub(fw_core::motion::mixer::Mixer::each, any_commands_of_each)
+        ] = (AcceptedConfig::FIRST_BOARD, any(), any(), any());
+        sampled 500_000;
     }
     property T16 zero_command_ends_in_the_brake(
         values: AcceptedConfig, before: Velocity, event: Event
