@@ -77,7 +77,11 @@ pub fn read(yaml: &str, pgm: &[u8]) -> Result<Grid, String> {
     if value(yaml, "mode") == Ok("raw") {
         return Err("mode: raw is not read, but trinary and scale".into());
     }
-    let is_negated = value(yaml, "negate").is_ok_and(|negate| negate != "0");
+    let is_negated = match value(yaml, "negate").unwrap_or("0") {
+        "0" | "false" => false,
+        "1" | "true" => true,
+        other => return Err(format!("negate: {other} is not 0, 1, false or true")),
+    };
     let (occupied, free) = (number("occupied_thresh")?, number("free_thresh")?);
     let (columns, rows, pixels) =
         picture(pgm).ok_or("the picture is no whole binary PGM of 8 bits")?;
@@ -166,6 +170,7 @@ mod tests {
             }
         };
         assert_same(&read(&text, &file).unwrap());
+        assert_same(&read(&text.replace("negate: 0", "negate: false"), &file).unwrap());
         // As other programs write it.
         let pixels = file.len() - grid.columns() * grid.rows();
         let (head, pixels) = file.split_at(pixels);
@@ -180,6 +185,11 @@ mod tests {
             ("", &file[..], "no line `origin:`"),
             (&text.replace("0.025", "9.025"), &file, "9025 mm is not"),
             (&text.replace("0.0]", "1.0]"), &file, "[x, y, 0]"),
+            (
+                &text.replace("negate: 0", "negate: no"),
+                &file,
+                "no is not 0, 1",
+            ),
             (&text.replace("0.65", "x"), &file, "occupied_thresh: x"),
             (&text, &file[..file.len() - 1], "no whole binary PGM"),
             (&text, b"P2\n", "no whole binary PGM"),
