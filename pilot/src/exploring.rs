@@ -327,6 +327,8 @@ struct Stops {
     count: u32,
     stopped: bool,
     slipped_s: Option<f64>,
+    /// Reports in a row that show a slip: what clears it is on its way in the second one, whenever that comes.
+    slips: u32,
 }
 
 impl Stops {
@@ -345,12 +347,14 @@ impl Stops {
         }
         let slips = report.faults.intersects(Faults::SLIP);
         let since_s = self.slipped_s.map_or(f64::INFINITY, |then| time_s - then);
+        let again = self.slips != 1 && (0.1..SLIP_LASTS_S).contains(&since_s);
+        self.slips = if slips { self.slips + 1 } else { 0 };
         if slips {
             self.slipped_s = Some(time_s);
         }
         let reason = if !is_held {
             // A wheel that slips over a sill is what the localiser is for.
-            (slips && (0.1..SLIP_LASTS_S).contains(&since_s)).then_some(StopReason::Slip)
+            (slips && again).then_some(StopReason::Slip)
         } else if report.faults.intersects(STALLS) {
             Some(StopReason::Stall)
         } else {

@@ -286,26 +286,17 @@ fn plan_gets_each_stop_and_its_action_clears_it() {
     };
     let latched = Faults::SLIP.union(Faults::FRAME_REJECTED);
     let slip = |time_s| (time_s, State::Moving, latched);
-    // At once, with the clearing on its way, again soon, and again after a while.
-    let (asked, stops) = run(
-        Action::Drive(quarter_turn),
-        &[1.0, 1.05, 1.5, 9.0].map(slip),
-    );
-    assert_eq!(stops, [None, None, Some(StopReason::Slip), None]);
+    // At once, with the clearing on its way, at once again, soon, after a while, and soon after that.
+    let reports = [1.0, 1.15, 1.2, 1.5, 9.0, 9.5].map(slip);
+    let (asked, stops) = run(Action::Drive(quarter_turn), &reports);
+    let lasting = Some(StopReason::Slip);
+    assert_eq!(stops, [None, None, None, lasting, None, lasting]);
     for request in asked.unwrap() {
         let velocity = request.velocity.unwrap();
-        assert!(
-            (velocity.yaw_rate_deg_s - 90.0).abs() < 1e-9,
-            "{velocity:?}"
-        );
-        assert!(
-            (velocity.sweep_half_width_deg - 45.0).abs() < 1e-9,
-            "{velocity:?}"
-        );
-        assert_eq!(
-            (request.order, request.clear_faults),
-            (Order::None, Faults::SLIP)
-        );
+        let (yaw, sweep) = (velocity.yaw_rate_deg_s, velocity.sweep_half_width_deg);
+        assert!((yaw - 90.0).abs() < 1e-9 && (sweep - 45.0).abs() < 1e-9);
+        let cleared = (request.order, request.clear_faults);
+        assert_eq!(cleared, (Order::None, Faults::SLIP));
     }
     for (state, fault, expected) in [
         (State::Faulted, Faults::LEFT_STALLED, StopReason::Stall),

@@ -212,16 +212,17 @@ mod tests {
         Matrix3::from_diagonal(&Vector3::new(900.0, 900.0, 0.0009))
     }
 
-    fn matched(corner: bool, map_deviation: f64) -> Match {
+    fn matched(corner: bool, map_deviation: f64, drift: f64) -> Match {
         let map = surroundings(corner, map_deviation);
         let seen = elements(corner, &Pose2::new(30.0, -20.0, 0.03));
         let prior = (&Pose2::default(), &prior_covariance());
-        find(&map, &seen, prior, &BEAM, &CONFIG).unwrap()
+        let config = MatcherConfig { drift, ..CONFIG };
+        find(&map, &seen, prior, &BEAM, &config).unwrap()
     }
 
     #[test]
     fn corner_fixes_pose_from_displaced_prediction() {
-        let found = matched(true, 0.0);
+        let found = matched(true, 0.0, 0.0);
         let off = found.mean - Vector3::new(30.0, -20.0, 0.03);
         assert!(
             off[0].abs() < 6.0 && off[1].abs() < 6.0 && off[2].abs() < 0.008,
@@ -235,7 +236,7 @@ mod tests {
 
     #[test]
     fn single_wall_leaves_direction_along_it_open() {
-        let found = matched(false, 0.0);
+        let found = matched(false, 0.0, 0.0);
         assert!(
             (found.mean[0] - 30.0).abs() < 6.0 && found.mean[1].abs() < 6.0,
             "{found:?}"
@@ -249,11 +250,13 @@ mod tests {
 
     #[test]
     fn pose_is_never_better_known_than_map() {
-        let (exact, vague) = (matched(true, 0.0), matched(true, 15.0));
+        let (exact, vague) = (matched(true, 0.0, 0.0), matched(true, 15.0, 0.0));
         assert!((exact.mean - vague.mean).norm() < 1e-9);
         assert!(exact.covariance[(0, 0)] < 100.0);
         let variance = vague.covariance[(0, 0)];
         assert!((200.0..260.0).contains(&variance), "{vague:?}");
+        let drifting = matched(true, 15.0, 10.0).covariance[(0, 0)];
+        assert!(drifting > variance + 5.0, "{drifting}");
     }
 
     #[test]

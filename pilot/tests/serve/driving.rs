@@ -135,6 +135,7 @@ fn handle_that_is_held_does_not_drive_on_after_a_stop() {
         for _ in 0..20 {
             let held = driver.request(&drive(100.0, 400)).unwrap_err();
             assert!(held.to_string().contains("let go"), "{held}");
+            assert!(watcher.status().unwrap().driver.is_none());
             thread::sleep(Duration::from_millis(100));
         }
         thread::sleep(Duration::from_millis(500));
