@@ -164,7 +164,7 @@ fn configuration_is_compared_saved_and_brought_back() {
     let second = first.replace("servo = false", "servo = true");
     fs::write(program.file("second.toml"), second).expect("written");
     program.expect_each(
-        r#"
+        "
         0 | eeprom diff robot.toml | no difference
         1 | eeprom diff second.toml | platform.servo: false -> true
         0 | eeprom backup saved.bin | 1024 bytes saved
@@ -193,7 +193,7 @@ fn configuration_is_compared_saved_and_brought_back() {
         0 | reset | STM reset; ready after
         0 | status | stop deadline 250 ms
         0 | stop | stopped (stopped)
-        "#,
+        ",
     );
     assert!(program.file("tune-move.csv").exists());
 }
