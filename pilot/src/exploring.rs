@@ -349,9 +349,7 @@ impl Stops {
         let since_s = self.slipped_s.map_or(f64::INFINITY, |then| time_s - then);
         let again = self.slips != 1 && (0.1..SLIP_LASTS_S).contains(&since_s);
         self.slips = if slips { self.slips + 1 } else { 0 };
-        if slips {
-            self.slipped_s = Some(time_s);
-        }
+        self.slipped_s = slips.then_some(time_s).or(self.slipped_s);
         let reason = if !is_held {
             // A wheel that slips over a sill is what the localiser is for.
             (slips && again).then_some(StopReason::Slip)

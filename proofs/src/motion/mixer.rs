@@ -57,6 +57,7 @@ pub fn duty_keeps_its_wheels_limit(
     rotation: i32,
 ) -> Seen {
     given!(let Some((mut mixer, config)) = mixer_of(&values, gains));
+    assert!(gain_balance_is_in_range(&mixer));
     let most = limits(&config);
     let within = |commands| {
         let duties = duties(commands, &config);
