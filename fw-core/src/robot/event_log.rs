@@ -106,9 +106,9 @@ impl EventLog {
     ) -> bool {
         self.quiet_ticks = self.quiet_ticks.saturating_sub(1);
         self.until_free = match self.until_free {
-            0 | 1 => self.until_free,
+            0 => 0,
             _ if obstacle => FREE_TICKS,
-            ticks => ticks - 1,
+            ticks => (ticks - 1).max(1),
         };
         if state != self.state {
             self.state = state;

@@ -31,7 +31,7 @@ impl FrameGap {
         }
     }
 
-    /// While no frame comes: before the clock's wrap makes a long silence look short.
+    /// Once a line: before the clock's wrap makes a long silence look short.
     fn saturate(&mut self, now: Micros) {
         // Upper bound: a frame from just after `now` would wrap to more.
         let long = 1 << 31..3 << 30;
@@ -82,9 +82,9 @@ impl LinkStats {
     #[inline(never)]
     fn log_line(&mut self, now: Micros, numbered: bool, counters: &LinkCounters, log: &mut Log) {
         self.until_line = PERIOD;
+        self.gap.saturate(now);
         let frames = counters.frames();
         if frames == self.logged_frames {
-            self.gap.saturate(now);
             return;
         }
         self.logged_frames = frames;
@@ -196,6 +196,22 @@ mod tests {
         counters.reject(Cause::Stale);
         line.log_line(Micros(10_000), true, &counters, &mut log);
         assert!(transmitted(&mut log).contains("L 3 1 1 2 4294967295 4294967295 1 stale 1\n"));
+        line.on_frame(Micros(20_000));
+        line.log_line(Micros(30_000), true, &counted(3), &mut log);
+        assert!(transmitted(&mut log).ends_with("L 4 3 1 2 0 4294967295 1\n"));
+        // Rejected frames all the while do not hide the silence.
+        let (mut line, mut log) = (LinkStats::default(), Log::new());
+        line.on_frame(Micros(7));
+        for second in 0..4_300_u32 {
+            let _ = transmitted(&mut log);
+            counters.reject(Cause::Stale);
+            line.log_line(
+                Micros(second.wrapping_mul(1_000_000)),
+                true,
+                &counters,
+                &mut log,
+            );
+        }
         line.on_frame(Micros(20_000));
         line.log_line(Micros(30_000), true, &counted(3), &mut log);
         assert!(transmitted(&mut log).ends_with("L 4 3 1 2 0 4294967295 1\n"));

@@ -136,7 +136,7 @@ impl Thermometer {
         let word =
             ((u32::from(sensor) * u32::from(at_factory)) << 8).checked_div(reference.into())?;
         let span = i32::from(hot) - i32::from(cold);
-        // ±120 000 is 107 K at the smallest span: whatever is cut off is out of range below.
+        // ±120 000 is 107 K at the largest span: whatever is cut off is out of range below.
         let above = (word as i32 - (i32::from(cold) << 8)).clamp(-120_000, 120_000);
         // 2⁻⁸ words times 2⁻⁴.
         let chip = (AT_COLD << 12) + (above * (APART << 4)).checked_div(span)?;
@@ -200,6 +200,19 @@ mod tests {
             assert_eq!(correction, Calibration::UNWRITTEN.supply_correction(1501));
             assert_eq!(correction.apply(4095), 4095);
         }
+    }
+
+    #[test]
+    fn hottest_part_of_the_largest_span_is_within_range() {
+        let [reference, cold, hot] = [1600, 1300, 1650];
+        let part = Calibration {
+            reference,
+            cold,
+            hot,
+        };
+        // 104 °C in the chip.
+        let air = read(part, (1624, reference)).expect("within range");
+        assert!((air - 101.5).abs() < 0.1, "{air}");
     }
 
     #[test]

@@ -201,11 +201,14 @@ fn obstacle_is_logged_once_and_its_end_a_second_later() {
     let (mut event_log, mut log) = (EventLog::new(Milliseconds(0)), Log::new());
     let mut all = Vec::new();
     for tick in 0..500 {
-        let obstacle = (3..10).contains(&tick) || tick == 20 || tick == 300;
-        let _ = event_log.tick(State::Booting, Faults::NONE, obstacle, &mut log);
+        let obstacle = (3..10).contains(&tick) || [20, 300, 400].contains(&tick);
+        // A state's line goes first; the limit that comes back meanwhile has not ended.
+        let state = [State::Booting, State::Ready][usize::from(tick >= 399)];
+        let _ = event_log.tick(state, Faults::NONE, obstacle, &mut log);
         all.extend(lines(&mut log).into_iter().map(|line| (tick, line)));
     }
     let begin = |tick| (tick, String::from("I: obstacle: speed limited"));
     let end = |tick| (tick, String::from("I: obstacle: way free"));
-    assert_eq!(all, [begin(3), end(119), begin(300), end(399)]);
+    let ready = (399, String::from("I: ready"));
+    assert_eq!(all, [begin(3), end(119), begin(300), ready, end(499)]);
 }
