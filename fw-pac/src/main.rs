@@ -183,7 +183,6 @@ fn start_robot(app: &mut App, start: &Start, uart: Uart) {
     }
     robot.calibrate(adc::calibration());
     leds::show(fw_core::robot::leds(robot.state()));
-    spi.start(|number, reply| robot.encode_reply(number, reply));
     log.line(Level::Info, |line| {
         line.text("configured, mode ").text(config.mode().name());
     });
@@ -195,6 +194,8 @@ fn start_robot(app: &mut App, start: &Start, uart: Uart) {
         });
         uart.set_rate(config.log_baud());
     }
+    // Last: an edge that ends a frame while interrupts are still off is not taken.
+    spi.start(|number, reply| robot.encode_reply(number, reply));
 }
 
 /// Keeps the watchdog fed and the log flowing while boot waits.

@@ -193,6 +193,12 @@ pub enum Error {
         /// Names of the latched faults.
         faults: String,
     },
+    /// The STM restarted during a drive, so that where the robot is in the drive's frame is unknown.
+    #[error(
+        "the STM restarted while it drove: the pose begins anew, and the drive has ended; the UART log \
+         says why it restarted"
+    )]
+    Restarted,
     /// A device could not be opened.
     #[error("cannot use {name} ({cause}); {advice}")]
     Device {
@@ -248,7 +254,7 @@ impl Error {
             Self::NotReady { .. } => Exit::NotReady,
             Self::Spi(_) | Self::Silent { .. } | Self::ModeMismatch { .. } => Exit::Link,
             Self::NotReached { .. } | Self::Incomplete { .. } => Exit::NotReached,
-            Self::Fault { .. } => Exit::Fault,
+            Self::Fault { .. } | Self::Restarted => Exit::Fault,
             Self::Pin { .. } | Self::Device { .. } => Exit::Device,
             Self::Unwritable { .. } => Exit::Output,
             Self::Busy { .. } => Exit::Busy,

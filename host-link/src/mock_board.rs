@@ -181,7 +181,8 @@ impl MockBoard {
         }
     }
 
-    /// One frame; in every frame the robot covers half of its distance to the target.
+    /// One frame; in every frame the robot covers half of its distance to the target, up to 100 mm
+    /// along each axis and 45°.
     fn frame(&mut self, back: &mut [u8], out: &[u8]) {
         let Some(link) = &mut self.link else { return };
         self.report.cell.cell = (self.report.cell.cell + 1) % 2;
@@ -200,12 +201,15 @@ impl MockBoard {
         };
         self.report.faults = self.report.faults.difference(command.clear_faults);
         if command.apply {
-            let half = |from: i32, to: i32| from + (to - from) / 2;
+            let step = |from: i32, to: i32| from + ((to - from) / 2).clamp(-100_000, 100_000);
             let (from, to) = (self.report.pose, command.expected);
+            // Of 15 bits, the turn of 16.
+            let turn = (to.rotation.wrapping_sub(from.rotation) << 1).cast_signed();
+            let turn = (turn.clamp(-0x2000, 0x2000) >> 1).cast_unsigned();
             self.report.pose = PoseCode {
-                x: half(from.x, to.x),
-                y: half(from.y, to.y),
-                rotation: to.rotation,
+                x: step(from.x, to.x),
+                y: step(from.y, to.y),
+                rotation: from.rotation.wrapping_add(turn) & 0x7FFF,
             };
         }
         self.drive.percent = f64::from_bits(command.percent.0);

@@ -158,6 +158,11 @@ impl<'m> Session<'m> {
         &self.snapshot
     }
 
+    /// Whether the STM has restarted since the last call: its pose begins anew.
+    pub fn take_restart(&mut self) -> bool {
+        std::mem::take(&mut self.snapshot.restarted)
+    }
+
     /// The link's counters.
     pub fn statistics(&self) -> LinkStatistics {
         self.link.statistics()
@@ -268,9 +273,10 @@ impl<'m> Session<'m> {
         self.log_error.as_deref()
     }
 
-    /// Waits for the next slot and the gap after the last frame. Missed slots are skipped.
+    /// Waits for the next slot and the gap after the last frame. Missed slots are skipped, and are no silence.
     fn pace(&mut self) {
         let now = self.now_us();
+        self.last_good_us += now.saturating_sub(self.next_us);
         self.wait_until(self.next_us);
         self.next_us = self.next_us.max(now) + self.period_us;
     }
@@ -330,13 +336,12 @@ impl<'m> Session<'m> {
     /// # Errors
     /// Those of [`Self::exchange`]; [`Error::Fault`] if the robot stays stopped or is faulted.
     pub fn resume(&mut self) -> Result<(), Error> {
-        let report = self.wait_for_reply()?;
+        let mut report = self.wait_for_reply()?;
         if !self.config.mode().has(Field::Status) {
             return Ok(());
         }
-        let (mut state, mut faults) = (report.state, report.faults);
         for _ in 0..RESUME_FRAMES {
-            if state != State::Stopped && !faults.intersects(Faults::LINK_LOST) {
+            if report.state != State::Stopped && !report.faults.intersects(Faults::LINK_LOST) {
                 break;
             }
             let request = CommandRequest {
@@ -344,11 +349,11 @@ impl<'m> Session<'m> {
                 clear_faults: Faults::LINK_LOST,
                 ..CommandRequest::default()
             };
-            if let Some(report) = self.exchange(&request)? {
-                (state, faults) = (report.state, report.faults);
+            if let Some(next) = self.exchange(&request)? {
+                report = next;
             }
         }
-        self.ensure_drivable(state, faults)
+        self.ensure_drivable(report.state, report.faults)
     }
 
     /// In guarded modes: an error if the robot reports that it is stopped or faulted.
@@ -367,8 +372,7 @@ impl<'m> Session<'m> {
     }
 
     /// Stops the robot: in Normal mode its own pose becomes the target, in guarded modes it is ordered to
-    /// brake; without further frames the stop deadline holds the motors.
-    /// Ctrl-C does not end this early.
+    /// brake; without further frames the stop deadline holds the motors. Ctrl-C does not end this early.
     pub fn stop(&mut self) {
         let mode = self.config.mode();
         for _ in 0..STOP_FRAMES {

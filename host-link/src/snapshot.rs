@@ -52,9 +52,19 @@ pub struct Snapshot {
     /// The latest gyro code, and the codes since the first without their wrap.
     #[serde(skip)]
     gyro: Option<(i32, i64)>,
+    /// The STM has restarted since the last [`crate::session::Session::take_restart`]: its pose begins anew.
+    #[serde(skip)]
+    pub restarted: bool,
     #[serde(skip)]
     kind: Mode,
+    /// Of the faster wheel at full duty, mm/s.
+    #[serde(skip)]
+    full_speed_mm_s: f64,
 }
+
+/// A pose that is so much farther, mm, or more turned, degrees, than the robot can drive and turn meanwhile, is
+/// that of an STM that was reset.
+const JUMP: (f64, f64) = (150.0, 90.0);
 
 impl Snapshot {
     /// Nothing reported yet.
@@ -63,16 +73,22 @@ impl Snapshot {
             mode: config.mode().name(),
             cells_v: vec![None; config.cells().into()],
             kind: config.mode(),
+            full_speed_mm_s: [config.left(), config.right()]
+                .map(|wheel| f64::from(wheel.full_speed_mm_s))
+                .into_iter()
+                .fold(0.0, f64::max),
             ..Self::default()
         }
     }
 
     /// Takes over one report.
     pub fn update(&mut self, now_us: u64, report: &Report, statistics: LinkStatistics) {
+        let before = self.pose.map(|pose| (self.time_us, pose));
         self.time_us = now_us;
         self.link = statistics;
         if self.kind.has(Field::Position) || self.kind.has(Field::Velocity) {
             self.pose = Some(Pose::from_code(report.pose));
+            self.restarted |= before.is_some_and(|(us, pose)| self.has_jumped_since(us, pose));
             self.ranges_mm = report.ranges.map(distance_mm);
         } else {
             self.measurement = Some(f64::from_bits(report.measurement.0));
@@ -85,11 +101,25 @@ impl Snapshot {
             *cell = Some(f64::from(report.cell.voltage) / 200.0);
         }
         if self.kind.has(Field::Status) {
+            let faults = fault_names(report.faults);
+            let [is_latched, was_latched] =
+                [&faults, &self.faults].map(|faults| faults.contains(&"restarted"));
+            self.restarted |= self.state.is_some() && is_latched && !was_latched;
             self.state = Some(report.state.name());
-            self.faults = fault_names(report.faults);
+            self.faults = faults;
             (self.obstacle_limited, self.clipped) = (report.obstacle_limited, report.clipped);
         }
         self.gyro_turns = (report.gyro != GyroCode::NONE).then(|| self.unwrap_gyro(report.gyro.0));
+    }
+
+    /// Whether the pose is farther from this earlier one than the robot can have driven or turned.
+    #[allow(clippy::cast_precision_loss)] // exact below 285 years
+    pub fn has_jumped_since(&self, then_us: u64, then: Pose) -> bool {
+        let seconds = self.time_us.saturating_sub(then_us) as f64 / 1e6;
+        self.pose.is_some_and(|now| {
+            then.distance_mm(now) > JUMP.0 + self.full_speed_mm_s * seconds
+                || then.rotation_to_deg(now).abs() > JUMP.1 + 360.0 * seconds
+        })
     }
 
     /// Turns of a gyro code that wraps at ±128 turns.
@@ -147,6 +177,7 @@ mod tests {
         let mode = Mode::GuardedVelocity.code().into();
         let config = Config::decode(&Image::FIRST_BOARD.with(fields::MODE, mode)).unwrap();
         let mut snapshot = Snapshot::new(&config);
+        snapshot.full_speed_mm_s = 0.0;
         let report = Report {
             state: State::Faulted,
             faults: Faults::SLIP | Faults::LEFT_STALLED,
@@ -194,6 +225,34 @@ mod tests {
         let read: Snapshot = serde_json::from_str(&json).unwrap();
         assert_eq!((read.mode, read.state), ("unknown", Some("unknown")));
         assert_eq!(read.faults, ["slip"]);
+    }
+
+    #[test]
+    fn restart_shows_by_its_fault_or_the_pose() {
+        let mode = Mode::GuardedVelocity.code().into();
+        let config = Config::decode(&Image::FIRST_BOARD.with(fields::MODE, mode)).unwrap();
+        let (restarted, none) = (Faults::RESTARTED, Faults::NONE);
+        for (us, [x, deg], faults, is_restart) in [
+            (25_000, [150.0, 0.0], [none, none], false),
+            (25_000, [155.0, 0.0], [none, none], true),
+            (1_000_000, [300.0, 0.0], [none, none], false),
+            (25_000, [0.0, -90.0], [none, none], false),
+            (25_000, [0.0, 120.0], [none, none], true),
+            (25_000, [0.0, 0.0], [none, restarted], true),
+            (25_000, [0.0, 0.0], [restarted, restarted], false),
+        ] {
+            let mut snapshot = Snapshot::new(&config);
+            let second = (us, Pose::new(x, 0.0, deg));
+            for ((us, pose), faults) in [(0, Pose::default()), second].into_iter().zip(faults) {
+                let report = Report {
+                    pose: pose.code(),
+                    faults,
+                    ..Report::default()
+                };
+                snapshot.update(us, &report, LinkStatistics::default());
+            }
+            assert_eq!(snapshot.restarted, is_restart, "{x} mm, {deg}°, {faults:?}");
+        }
     }
 
     // Requirement: WIRE-gyro-1

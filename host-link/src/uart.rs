@@ -57,7 +57,11 @@ impl LogSource for SerialPort {
             }
         }
         match self.failure.take_if(|_| fresh.is_empty()) {
-            Some(failure) => Err(failure),
+            Some(failure) => {
+                // The next reader tries again.
+                self.received = None;
+                Err(failure)
+            }
             None => Ok(fresh),
         }
     }
@@ -130,11 +134,15 @@ fn serial_port_bytes_or_its_absence_arrive() {
     std::io::Write::write_all(&mut device, b"I00001: ready\n").unwrap();
     assert_eq!(read(&mut port), Some(Ok(b"I00001: ready\n".to_vec())));
     std::fs::remove_file(&path).unwrap();
-    let missing = read(&mut SerialPort::new(&path));
+    let mut port = SerialPort::new(&path);
+    let missing = read(&mut port);
     assert!(
         matches!(missing, Some(Err(Error::Device { .. }))),
         "{missing:?}"
     );
+    std::fs::write(&path, b"there").unwrap();
+    assert_eq!(read(&mut port), Some(Ok(b"there".to_vec())));
+    std::fs::remove_file(&path).unwrap();
     let once: Vec<_> = spawn_reader(&path).iter().collect();
     assert!(matches!(once.as_slice(), [Err(_)]), "{once:?}");
 }

@@ -47,8 +47,8 @@ const GROWTH: i32 = 32;
 /// Log-odds of [`Grid::OCCUPIED`] and [`Grid::FREE`].
 const OCCUPIED_LOG_ODDS: f32 = 0.619_039_2;
 const FREE_LOG_ODDS: f32 = -1.411_484_6;
-/// Farthest cell from the origin: 25 m at 25 mm. Readings beyond come from a lost robot.
-const FARTHEST: i32 = 2000;
+/// Farthest cell from the origin: 50 m at 25 mm. Readings beyond come from a lost robot.
+pub const FARTHEST: i32 = 2000;
 /// Log-odds are limited to ± this, so that a changed world can still change the map.
 const LIMIT: f32 = 6.0;
 

@@ -1,5 +1,6 @@
 //! The map as the pair of files that ROS map servers read: a PGM picture and a YAML text.
 
+use crate::grid::FARTHEST;
 use crate::{Cell, Grid, Point};
 
 /// The picture: binary PGM, one pixel per cell, the top row the largest y; 0 = occupied,
@@ -43,9 +44,6 @@ pub fn value<'y>(yaml: &'y str, key: &str) -> Result<&'y str, String> {
     Ok(value.trim().trim_matches(['"', '\'']))
 }
 
-/// The farthest origin, metres.
-const FARTHEST_M: f64 = 10_000.0;
-
 /// Log-odds of what a picture calls occupied or free.
 const KNOWN: f32 = 4.0;
 
@@ -65,11 +63,6 @@ pub fn read(yaml: &str, pgm: &[u8]) -> Result<Grid, String> {
     let &[x_m, y_m, 0.0] = origin.as_slice() else {
         return Err("origin: expected is [x, y, 0]".into());
     };
-    if ![x_m, y_m].iter().all(|m| m.abs() <= FARTHEST_M) {
-        return Err(format!(
-            "origin: [{x_m}, {y_m}] is not within ±{FARTHEST_M} m"
-        ));
-    }
     let cell_mm = number("resolution")? * 1000.0;
     if !(1.0..=1000.0).contains(&cell_mm) {
         return Err(format!("resolution: {cell_mm} mm is not within 1 to 1000"));
@@ -88,6 +81,13 @@ pub fn read(yaml: &str, pgm: &[u8]) -> Result<Grid, String> {
     let corner = Point::new(x_m * 1000.0, y_m * 1000.0);
     #[allow(clippy::cast_precision_loss)] // some thousand cells
     let far = corner + Point::new(columns as f64 - 0.5, rows as f64 - 0.5) * cell_mm;
+    let most_mm = f64::from(FARTHEST) * cell_mm;
+    let ends = [corner.x_mm, corner.y_mm, far.x_mm, far.y_mm];
+    if !ends.iter().all(|mm| mm.abs() <= most_mm) {
+        return Err(format!(
+            "origin: [{x_m}, {y_m}]: the map is not within {FARTHEST} cells of 0, 0"
+        ));
+    }
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // `as` saturates
     let index = |mm: f64| (mm / cell_mm) as usize;
     Ok(Grid::from_fn(cell_mm, corner, far, |point| {
@@ -196,6 +196,7 @@ mod tests {
                 "is not within",
             ),
             (&text.replace("0.8000", "inf"), &file, "origin: "),
+            (&text.replace("0.8000", "49.9"), &file, "2000 cells of 0, 0"),
         ] {
             let error = read(yaml, pgm).unwrap_err();
             assert!(error.contains(expected), "{error}");

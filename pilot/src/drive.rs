@@ -87,6 +87,18 @@ pub fn go_to(
     })
 }
 
+/// Ends a stop, where the mode has a pose to drive to.
+///
+/// # Errors
+/// Those of [`Session::resume`]; [`Error::WrongMode`].
+pub fn ensure_drivable(session: &mut Session<'_>) -> Result<(), Error> {
+    let mode = session.config().mode();
+    if !mode.has(Field::Position) && !mode.has(Field::Velocity) {
+        return Err(Error::WrongMode(mode.name(), "position to drive to"));
+    }
+    session.resume()
+}
+
 /// [`go_to`] whose `watch` is also called for frames without a valid reply, and may end the drive.
 ///
 /// # Errors
@@ -97,11 +109,8 @@ pub fn follow<'m>(
     criteria: &ArrivalCriteria,
     mut watch: impl FnMut(&mut Session<'m>, Option<&Report>) -> Result<(), Error>,
 ) -> Result<Arrival, Error> {
+    ensure_drivable(session)?;
     let mode = session.config().mode();
-    if !mode.has(Field::Position) && !mode.has(Field::Velocity) {
-        return Err(Error::WrongMode(mode.name(), "position to drive to"));
-    }
-    session.resume()?;
     let begun_us = session.now_us();
     let from = session.snapshot().pose.unwrap_or_default();
     let seconds = criteria.allowance_s(from.distance_mm(target));
@@ -128,7 +137,7 @@ pub fn follow<'m>(
                 ..VelocityRequest::default()
             });
         }
-        let report = moving.session.exchange(&request)?;
+        let report = moving.exchange(&request)?;
         watch(moving.session, report.as_ref())?;
         if let Some(report) = report {
             let session = &*moving.session;
@@ -202,7 +211,28 @@ impl<'s, 'm> StopOnDrop<'s, 'm> {
         let arrived = false;
         Self { session, arrived }
     }
+
+    /// Exchanges a frame of the drive. Blind, without a valid reply to the last ones, the robot stands.
+    ///
+    /// # Errors
+    /// Those of [`Session::exchange`]; [`Error::Restarted`].
+    pub fn exchange(&mut self, request: &CommandRequest) -> Result<Option<Report>, Error> {
+        let mut request = *request;
+        if let (Some(velocity), Err(_)) =
+            (&mut request.velocity, self.session.check_answered(BLIND))
+        {
+            (velocity.forward_mm_s, velocity.yaw_rate_deg_s) = (0.0, 0.0);
+        }
+        let report = self.session.exchange(&request)?;
+        if self.session.snapshot().restarted {
+            return Err(Error::Restarted);
+        }
+        Ok(report)
+    }
 }
+
+/// Frames in a row without a valid reply.
+const BLIND: u32 = 8;
 
 impl Drop for StopOnDrop<'_, '_> {
     fn drop(&mut self) {

@@ -165,13 +165,13 @@ pub fn drive(
 ) -> Result<Drive, Error> {
     session.resume()?;
     let mut runner = PlanRunner::new(session.now_us());
-    let moving = StopOnDrop::new(session);
-    let session = &mut *moving.session;
+    let mut moving = StopOnDrop::new(session);
     let mut request = CommandRequest::default();
     loop {
-        let Some(report) = session.exchange(&request)? else {
+        let Some(report) = moving.exchange(&request)? else {
             continue;
         };
+        let session = &mut *moving.session;
         let Some(sample) = RangeSample::of(session.snapshot()) else {
             continue;
         };
@@ -380,6 +380,6 @@ pub fn observation(sample: &RangeSample) -> Observation {
         odometry: mapping::mapper_pose(sample.pose),
         gyro_rad: sample.gyro_deg.map(f64::to_radians),
         ranges_mm: sample.ranges_mm,
-        front_bearing_rad: sample.bearing_deg.unwrap_or_default().to_radians(),
+        front_bearing_rad: sample.bearing_deg.map(f64::to_radians),
     }
 }

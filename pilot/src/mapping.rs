@@ -2,6 +2,7 @@
 
 use fw_core::eeprom::Config;
 use fw_core::types::RangefinderId;
+use fw_core::wire::Field;
 use host_link::error::Error;
 use host_link::file::{self, Kind};
 use host_link::pose::Pose;
@@ -185,13 +186,15 @@ pub fn bearing_turns(config: &Config, rangefinder: RangefinderId) -> f64 {
 
 /// Radius of the first board's body around the middle of the axle, mm: an assumption.
 pub const BODY_MM: f64 = 100.0;
-/// The rangefinders that are fitted, of front, right, left, on a body of this radius, mm. The code of another is
-/// that of a beam without an echo.
+/// The rangefinders that are fitted and that the mode's frames carry, of front, right, left, on a body of this
+/// radius, mm. The code of another is that of a beam without an echo.
 // Requirement: WIRE-platform-5
 pub fn mounts(config: &Config, body_mm: f64) -> [Option<Mount>; 3] {
+    let carried = [Field::Front, Field::Right, Field::Left].map(|field| config.mode().has(field));
     let mut fitted = RangefinderId::ALL
         .into_iter()
-        .take(config.rangefinders().into());
+        .take(config.rangefinders().into())
+        .take_while(|&rangefinder| carried[rangefinder as usize]);
     let overhang_mm = config.obstacle_stop().overhang_mm.into();
     Mount::on_body(body_mm, overhang_mm).map(|mount| {
         let bearing_rad = bearing_turns(config, fitted.next()?) * std::f64::consts::TAU;
@@ -242,6 +245,10 @@ mod tests {
             .with(fields::BEARING_RIGHT, 0xE000)
             .with(fields::RANGEFINDERS, 2);
         assert_eq!(degrees(&image), [23.0, -45.0]);
+        // Its frames carry the front one alone.
+        let sweep = fw_core::wire::Mode::GuardedSweep.code().into();
+        let image = image.with(fields::MODE, sweep).with(fields::SERVO, 1);
+        assert_eq!(degrees(&image), [23.0]);
         let image = Image::FIRST_BOARD.with(fields::FRONT_OVERHANG, 30);
         let wide = mounts(&Config::decode(&image).unwrap(), 170.0).map(Option::unwrap);
         let places = wide.map(|mount| (mount.ahead_mm, mount.left_mm));

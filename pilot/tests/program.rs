@@ -107,7 +107,10 @@ fn endless_and_far_inputs_are_refused() {
         ("tour /dev/zero".into(), "/dev/zero: it has more than"),
         ("map /dev/zero".into(), "/dev/zero: it has more than"),
         ("map --from /dev/zero".into(), "/dev/zero"),
-        (format!("map --from {far} --out {map}"), "2000 m apart"),
+        (
+            format!("map --from {far} --out {map}"),
+            "2000 m from the start",
+        ),
     ] {
         let (code, _, stderr) = run(&words);
         assert_eq!(code, 3, "{words}: {stderr}");

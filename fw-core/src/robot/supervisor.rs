@@ -93,6 +93,9 @@ impl Supervisor {
         // A frame after the deadline but before the next tick does not undo the stop.
         self.check_deadline(now);
         self.deadline.fresh(now);
+        // Of a motion that was asked for before the restart.
+        // Requirement: WIRE-safe-2
+        self.halted |= !self.linked && self.faults.intersects(Faults::RESTARTED);
         self.linked = true;
         self.faults = self.faults.difference(command.clear_faults);
         match command.order {
@@ -252,6 +255,33 @@ mod tests {
             supervisor.on_fresh(now, command);
             assert_eq!(supervisor.on_tick(now, true, true), allowed);
             assert_eq!(supervisor.faults(), faults);
+        }
+    }
+
+    // Requirement: WIRE-safe-2
+    #[test]
+    fn restarted_firmware_drives_once_it_is_resumed() {
+        let clears = SupervisorCommand {
+            clear_faults: Faults::RESTARTED,
+            ..ALIVE
+        };
+        for (first, allowed) in [
+            (ALIVE, AllowedMotion::Brake),
+            (clears, AllowedMotion::Brake),
+            (APPLY, AllowedMotion::Drive),
+        ] {
+            let mut supervisor = Supervisor::new(StopDeadline::new(Milliseconds(250)));
+            supervisor.raise(Faults::RESTARTED);
+            let before = supervisor.on_tick(Micros(0), false, false);
+            assert_eq!(before, AllowedMotion::Coast);
+            supervisor.on_fresh(Micros(1), first);
+            assert_eq!(supervisor.on_tick(Micros(2), true, true), allowed);
+            supervisor.on_fresh(Micros(3), APPLY);
+            supervisor.on_fresh(Micros(4), ALIVE);
+            assert_eq!(
+                supervisor.on_tick(Micros(5), true, true),
+                AllowedMotion::Drive
+            );
         }
     }
 

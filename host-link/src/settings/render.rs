@@ -233,6 +233,7 @@ mod tests {
     fn figures_no_robot_may_drive_with_are_rejected_with_their_line() {
         for (key, good, bad, accepted) in [
             ("battery.cells", "2", "0", "a whole number from 1 to 8"),
+            ("battery.cells", "2", "9", "a whole number from 1 to 8"),
             ("pid.forward.p", "6.5088", "NaN", "0.0 to 10000.0"),
             ("battery.adc_max_word", "4095", "0", "a whole number from"),
             ("platform.track_mm", "125.0", "0.0", "20.0 to 2000.0"),

@@ -14,8 +14,9 @@ pub struct Observation {
     pub gyro_rad: Option<f64>,
     /// The latest ranges in the order of [`LocaliserConfig::mounts`], mm; `None` without an echo.
     pub ranges_mm: [Option<f64>; 3],
-    /// Bearing of the first one, rad counter-clockwise from straight ahead.
-    pub front_bearing_rad: f64,
+    /// Bearing of the first one where it is swept, rad counter-clockwise from straight ahead; none: that of its
+    /// mount.
+    pub front_bearing_rad: Option<f64>,
 }
 
 /// How to localise.

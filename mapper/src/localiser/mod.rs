@@ -176,8 +176,8 @@ impl Localiser {
         let Some(mut mount) = self.config.mounts[nth] else {
             return;
         };
-        if nth == 0 {
-            mount.bearing_rad = now.front_bearing_rad;
+        if let (0, Some(bearing_rad)) = (nth, now.front_bearing_rad) {
+            mount.bearing_rad = bearing_rad;
         }
         let (motion, time_s) = self.motion;
         let back = -self.config.range_age_s / time_s;

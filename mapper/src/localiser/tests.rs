@@ -10,7 +10,7 @@ fn report(nth: u32, heading_rad: f64, front: (Option<f64>, f64)) -> Observation 
         odometry: Pose2::new(0.0, 0.0, heading_rad),
         gyro_rad: None,
         ranges_mm: [front.0, None, None],
-        front_bearing_rad: front.1,
+        front_bearing_rad: Some(front.1),
     }
 }
 
@@ -75,6 +75,23 @@ fn range_within_limits_is_kept_where_it_was_measured() {
 }
 
 #[test]
+fn sensor_that_is_not_swept_looks_where_it_is_mounted() {
+    let mut config = LocaliserConfig::default();
+    config.mounts[0].as_mut().unwrap().bearing_rad = 0.5;
+    for (bearing_rad, looks_rad) in [(None, 0.5), (Some(0.2), 0.2)] {
+        let mut localiser = Localiser::new(config.clone());
+        for nth in 0..2 {
+            localiser.observe(&Observation {
+                front_bearing_rad: bearing_rad,
+                ..report(nth, 0.0, (Some(fresh(nth)), 0.0))
+            });
+        }
+        let sensor = localiser.tracks[0].readings[0].sensor;
+        assert!((sensor.heading_rad - looks_rad).abs() < 1e-9);
+    }
+}
+
+#[test]
 fn heading_of_odometry_wraps() {
     let turn = |nth| report(nth, [3.1, -3.1][nth as usize], (None, 0.0));
     let found = observing((0..2).map(turn)).estimate().pose.heading_rad;
@@ -101,6 +118,7 @@ fn stretch_enters_its_own_readings_where_it_matched_what_was_there_before() {
         let written = grid.cells().any(|(c, r)| grid.log_odds(c, r) != 0.0);
         assert_eq!(written, is_entered);
         assert_eq!(localiser.ekf.pose_covariance(), covariance);
+        assert_eq!(localiser.evidence.walls_rad.is_some(), is_entered);
         let mut near = surfaces.near(Point::new(100.0, 600.0), 100.0);
         let record = near.next().map(|surfel| surfaces.record(surfel));
         let known = record.map(|record| record.covariance_at(&Pose2::default()));

@@ -192,7 +192,7 @@ impl Drive {
             odometry: sample.odometry,
             gyro_rad: sample.gyro_rad,
             ranges_mm: sample.ranges_mm,
-            front_bearing_rad: sample.front_bearing_rad,
+            front_bearing_rad: Some(sample.front_bearing_rad),
         }
     }
 

@@ -273,7 +273,7 @@ fn run_keeps_to_its_path_leg_by_leg() {
         "{end:?}"
     );
     for (drift_um, way, why) in [
-        (200_000, straight(1000.0), "beside its path"),
+        (100_000, straight(1000.0), "beside its path"),
         (0, vec![Pose::default()], "nothing moved"),
     ] {
         let (outcome, board) = run(drift_um, &way);
@@ -283,6 +283,15 @@ fn run_keeps_to_its_path_leg_by_leg() {
         );
         assert_holds_position(&board.borrow());
     }
+}
+
+#[test]
+fn creep_adds_up() {
+    let mut path = WheelPath::new(FIRST_BOARD);
+    for micrometres in 0..=1000 {
+        path.push(Pose::new(f64::from(micrometres) / 1000.0, 0.0, 0.0));
+    }
+    assert!((path.odometry_end().ahead_mm - 1.0).abs() < 0.01);
 }
 
 #[test]

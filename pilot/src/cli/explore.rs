@@ -40,7 +40,8 @@ pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
             time_limit_s: explore.timeout,
             ..exploring::navigator_config(config, body_mm)?
         });
-        // Once nothing refuses the drive: it may replace a file.
+        // Once nothing refuses the drive: it replaces files.
+        session.resume()?;
         let mut recorder = map::recorder(explore.record.as_deref(), body_mm, &mut session)?;
         let mut written = Ok(());
         let driven = drive(

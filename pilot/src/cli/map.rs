@@ -22,16 +22,20 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
     match (&map.tour, &map.from) {
         (_, Some(file)) => {
             let (settings, samples) = recording::load(file)?;
-            recording::check_extent(&samples, cell_mm, file)?;
+            let poses = samples.iter().map(|sample| sample.pose);
+            recording::check_extent(poses, cell_mm, file)?;
             let localisation = localised(settings.config(), body_mm, cell_mm, &samples);
             save(map, &localisation, None, context)
         }
         (Some(file), None) => {
             let waypoints = waypoints::load(file)?;
+            recording::check_extent(waypoints.iter().copied(), cell_mm, file)?;
             check(&map.out)?;
             context.with_board(|connection| {
                 let mut session = context.open_session(&mut connection.io)?;
                 let mut samples = Vec::new();
+                // Once nothing refuses the drive: it replaces files.
+                pilot::drive::ensure_drivable(&mut session)?;
                 let mut recorder = recorder(map.record.as_deref(), body_mm, &mut session)?;
                 let mut written = Ok(());
                 let watch = |snapshot: &Snapshot| {

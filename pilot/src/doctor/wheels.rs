@@ -236,3 +236,14 @@ fn unrestored_robot_is_an_error_and_others_are_findings() {
     assert_eq!(unfinished(Error::NotReady(100), &mut findings), Ok(()));
     assert_eq!(findings.failed(), ["front rangefinder"]);
 }
+
+#[test]
+fn gyroscope_that_drifts_either_way_fails() {
+    let image = Image::FIRST_BOARD.with(fw_core::eeprom::fields::GYRO, 1);
+    let config = Config::decode(&image).unwrap();
+    for (turns, failed) in [(0.009, 0), (0.02, 1), (-0.02, 1)] {
+        let mut findings = Findings::default();
+        check_gyro(&config, &[0.3, 0.3, 0.3 + turns], &mut findings);
+        assert_eq!(findings.failed().len(), failed, "{turns}");
+    }
+}

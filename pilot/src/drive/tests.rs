@@ -107,6 +107,34 @@ fn drive_fault_on_the_way_stops_robot() {
 }
 
 #[test]
+fn drive_ends_where_the_stm_restarts() {
+    for mode in [Mode::Normal, Mode::GuardedVelocity] {
+        let (board, mut io) = mock_board(&image(mode), None);
+        board.borrow_mut().report.pose = Pose::new(600.0, 0.0, 0.0).code();
+        let mut frames = 0;
+        board.borrow_mut().on_command = Some(Box::new(move |_, report| {
+            frames += 1;
+            if frames >= 5 {
+                report.pose = Pose::default().code();
+            }
+        }));
+        assert_eq!(drive(&mut io), Err(Error::Restarted));
+        // The reply to the next frame shows it.
+        assert_eq!(board.borrow().commands.len(), 6 + 10);
+    }
+}
+
+#[test]
+fn robot_without_reports_stands() {
+    let (board, mut io) = mock_board(&image(Mode::GuardedVelocity), None);
+    board.borrow_mut().garbled_from = 10;
+    assert!(matches!(drive(&mut io), Err(Error::Silent { .. })));
+    let board = board.borrow();
+    let drives = |command: &Command| command.velocity.yaw_rate != 0;
+    assert_eq!(board.commands.iter().rposition(drives), Some(17));
+}
+
+#[test]
 fn drive_panic_in_callback_stops_robot() {
     let (board, mut io) = mock_board(&image(Mode::Normal), None);
     let outcome = catch_unwind(AssertUnwindSafe(|| {
@@ -199,9 +227,9 @@ fn drive_ends_within_both_tolerances_only() {
         (0.0, -1.1, false),
     ] {
         let (board, mut io) = mock_board(&image(Mode::Normal), None);
-        board.borrow_mut().on_command = Some(Box::new(move |_, report| {
-            report.pose = Pose::new(mm, 0.0, degrees).in_frame_of(TARGET).code();
-        }));
+        let near = Pose::new(mm, 0.0, degrees).in_frame_of(TARGET).code();
+        board.borrow_mut().report.pose = near;
+        board.borrow_mut().on_command = Some(Box::new(move |_, report| report.pose = near));
         let driven = drive_within(&mut io, Some(2.0));
         assert_eq!(driven.is_ok(), arrives, "{mm} mm, {degrees}°: {driven:?}");
     }

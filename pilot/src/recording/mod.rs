@@ -385,15 +385,11 @@ mod tests {
         recorder.finish(0, &Grid::new(25.0)).unwrap();
         let refused = load(&path).unwrap_err().to_string();
         assert!(refused.contains("no report of a pose"), "{refused}");
-        let at = |x_mm, y_mm| RangeSample {
-            pose: Pose::new(x_mm, y_mm, 0.0),
-            ..RangeSample::default()
-        };
-        let extent = |x, y| check_extent(&[at(0.0, 0.0), at(x, y)], 25.0, &path);
-        assert_eq!(extent(90_000.0, -90_000.0), Ok(()));
-        for (x, y) in [(200_000.0, 0.0), (0.0, -200_000.0)] {
+        let extent = |x, y| check_extent([Pose::default(), Pose::new(x, y, 0.0)], 25.0, &path);
+        assert_eq!(extent(47_000.0, -47_000.0), Ok(()));
+        for (x, y) in [(48_000.0, 0.0), (0.0, -48_000.0)] {
             let refused = extent(x, y).unwrap_err().to_string();
-            assert!(refused.contains("200 m apart"), "{refused}");
+            assert!(refused.contains("48 m from the start"), "{refused}");
         }
     }
 }

@@ -38,21 +38,20 @@ pub fn load(path: &Path) -> Result<(Settings, Vec<RangeSample>), Error> {
 }
 
 /// # Errors
-/// [`Error::Content`] for samples of `path` that one picture of cells of `cell_mm` cannot show.
-pub fn check_extent(samples: &[RangeSample], cell_mm: f64, path: &Path) -> Result<(), Error> {
-    let side_mm = |coordinate: fn(&RangeSample) -> f64| {
-        let all = samples.iter().map(coordinate);
-        let high = all.clone().fold(f64::NEG_INFINITY, f64::max);
-        high - all.fold(f64::INFINITY, f64::min)
-    };
-    let side_m =
-        side_mm(|sample| sample.pose.x_mm).max(side_mm(|sample| sample.pose.y_mm)) / 1000.0;
-    let most_m = f64::from(map_plot::MAX_SIDE_CELLS - 200) * cell_mm / 1000.0;
-    if side_m <= most_m {
+/// [`Error::Content`] for poses of `path` that a map of cells of `cell_mm` does not hold.
+pub fn check_extent(
+    poses: impl IntoIterator<Item = Pose>,
+    cell_mm: f64,
+    path: &Path,
+) -> Result<(), Error> {
+    let farther_mm = |far: f64, pose: Pose| far.max(pose.x_mm.abs()).max(pose.y_mm.abs());
+    let far_m = poses.into_iter().fold(0.0, farther_mm) / 1000.0;
+    let most_m = f64::from(map_plot::MAX_SIDE_CELLS / 2 - 100) * cell_mm / 1000.0;
+    if far_m <= most_m {
         return Ok(());
     }
     let accepted = format!("with cells of {cell_mm} mm (--cell) accepted are {most_m:.0} m");
-    let what = format!("its poses are {side_m:.0} m apart; {accepted}");
+    let what = format!("it goes {far_m:.0} m from the start; {accepted}");
     Err(Error::content(path, None, what))
 }
 

@@ -116,8 +116,10 @@ impl<P: PartialEq> Commands<P> {
     // Requirement: SERVE-ros2-2
     pub fn stop(&mut self, stopped: bool) -> Option<Request> {
         self.stopped = stopped;
-        (self.driver, self.goal) = (None, None);
-        stopped.then_some(Request::Stop)
+        stopped.then(|| {
+            (self.driver, self.goal) = (None, None);
+            Request::Stop
+        })
     }
 
     /// What renews the lease of a goal, if that is due.
@@ -237,6 +239,8 @@ mod tests {
         assert_eq!(commands.velocity("a", &twist, at(200)), Ok(drive.clone()));
         assert!(commands.velocity("b", &twist, at(699)).is_err());
         assert_eq!(commands.velocity("b", &twist, at(700)), Ok(drive.clone()));
+        // Released again and again, it ends nothing.
+        assert_eq!(commands.stop(false), None);
         assert!(commands.velocity("a", &twist, at(800)).is_err());
         assert_eq!(commands.stop(true), Some(Request::Stop));
         for from in ["a", "b"] {
@@ -266,6 +270,7 @@ mod tests {
             assert_eq!(rotation_deg.map(f64::round), rotation);
         }
         assert_eq!(commands.keep(at(149)), None);
+        commands.stop(false);
         assert_eq!(commands.keep(at(150)), Some(Request::Keep));
         assert_eq!(commands.keep(at(299)), None);
         assert_eq!(commands.keep(at(300)), Some(Request::Keep));

@@ -80,6 +80,12 @@ fn robot_of_a_borrower_that_waits_is_free_after_a_stop() {
             assert!(begun.elapsed() < Duration::from_secs(10));
         }
         assert!(drive_borrowed(&borrowed, 1).is_err());
+        drop(borrowed);
+        // A loan ends with its return alone: there is no lease to renew.
+        let mut client = join(hub, "eeprom");
+        while client.request(&Request::Borrow).is_err() {}
+        assert!(client.request(&Request::Keep).is_err());
+        client.request(&Request::Return).unwrap();
     });
 }
 
@@ -106,10 +112,19 @@ fn eeprom_write_of_a_vanished_borrower_is_undone() {
             watcher.status().unwrap().robot.mode
         };
         assert_eq!(mode_of_frames(&mut io), Mode::GuardedVelocity.name());
+        let mut onlooker = join(hub, "onlooker");
+        onlooker.request(&Request::Watch { every: 100 }).unwrap();
         let done = eeprom::program(&mut io, &written, 100, Some(&journal), |_| ()).unwrap();
         assert!(done.bytes > 0);
         // Those who watch see the new one, too.
         assert_eq!(mode_of_frames(&mut io), Mode::GuardedNormal.name());
+        // After its reset the pose begins at the origin, and the map anew: the second that was announced.
+        let (mut maps, begun) = (0, Instant::now());
+        while maps < 2 {
+            let message = onlooker.message().unwrap();
+            maps += usize::from(matches!(message, Some(Message::Map { .. })));
+            assert!(begun.elapsed() < Duration::from_secs(5), "{maps} maps");
+        }
         drop(io);
         borrowed.give_back().unwrap();
         let borrowed = Borrowed::new(join(hub, "eeprom")).unwrap();
@@ -142,6 +157,8 @@ fn unready_robot_is_reset_after_vanished_borrower_only() {
         let board = served.run(|hub| {
             let mut watcher = join(hub, "watcher");
             let borrowed = Borrowed::new(join(hub, "borrower")).unwrap();
+            drive_borrowed(&borrowed, 1).unwrap();
+            assert!(watcher.status().unwrap().driver.is_some());
             spoil_eeprom(&mut borrowed.io(Interrupt::new()));
             if vanishes {
                 drop(borrowed);

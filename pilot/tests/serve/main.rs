@@ -14,6 +14,7 @@ use pilot::serve::control::{self, Options};
 use pilot::serve::hub::Hub;
 use pilot::serve::protocol::{Message, Request};
 use std::thread;
+use std::time::{Duration, Instant};
 
 /// Serves a board in Guarded Velocity while the scenario runs; every command that the board got.
 fn serve(speed: Option<f64>, scenario: impl FnOnce(&Hub) + Send) -> Vec<Command> {
@@ -86,7 +87,9 @@ fn time_us(client: &mut Client) -> u64 {
 
 /// Waits until the client's motion has ended; why it ended.
 fn end_of_motion(client: &mut Client) -> String {
+    let begun = Instant::now();
     loop {
+        assert!(begun.elapsed() < Duration::from_secs(50));
         if let Some(Message::Done { error, .. }) = client.message().unwrap() {
             return error.map_or_else(String::new, |error| error.text);
         }

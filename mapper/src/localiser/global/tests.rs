@@ -81,3 +81,17 @@ fn spread_covers_all_places_by_their_weight() {
     assert!((mean[0] - 1000.0).abs() < 1e-6 && (covariance[(0, 0)].sqrt() - 1000.0).abs() < 2.0);
     assert!(geometry::wrap_angle(mean[2] - PI).abs() < 1e-9 && covariance[(2, 2)] < 0.01);
 }
+
+#[test]
+fn way_that_fits_nowhere_is_forgotten() {
+    let (grid, config, here) = (Grid::new(25.0), MatcherConfig::default(), Pose2::default());
+    let (half_angle_rad, incidence_rad) = (0.26, 0.5);
+    let beam = Beam {
+        half_angle_rad,
+        incidence_rad,
+    };
+    let map = SurfaceMap::from_grid(&grid);
+    let mut search = GlobalSearch::new(&map, &grid);
+    search.advance((vec![], vec![here]), &here, (&map, &grid), (&beam, &config));
+    assert!(search.stretches.is_empty());
+}

@@ -113,7 +113,7 @@ impl Server {
         };
         match call {
             // Its heading and position begin again at zero, and so does the map.
-            Call::Reset(_) => {
+            Call::Reset(false) => {
                 loan.reconfigured = true;
                 self.pose = None;
             }

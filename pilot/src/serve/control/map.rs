@@ -60,7 +60,7 @@ fn reports_that_wait_are_taken_in_order_on_another_thread() {
             odometry: mapper::Pose2::new(4.0 * f64::from(nth), 0.0, 0.0),
             gyro_rad: None,
             ranges_mm: [None; 3],
-            front_bearing_rad: 0.0,
+            front_bearing_rad: None,
         });
         map.collect(false);
         map.work_beside();

@@ -36,8 +36,6 @@ pub const CELL_MM: f64 = 25.0;
 const ADVICE_FRAMES: u32 = 20;
 /// Time between two attempts to reach a robot that does not answer.
 const RETRY: Duration = Duration::from_secs(1);
-/// A pose that jumps farther is that of an STM that was reset: more than the way within the stop deadline, mm.
-const JUMP_MM: f64 = 150.0;
 
 /// How to serve.
 #[derive(Clone, Debug)]
@@ -109,7 +107,8 @@ struct Server {
     body_mm: f64,
     map: Map,
     tiles: Tiles,
-    pose: Option<Pose>,
+    /// The latest, and when; none before the first of a map.
+    pose: Option<(u64, Pose)>,
     targets: usize,
     advice: Vec<String>,
     frames: u32,
@@ -223,6 +222,9 @@ impl Server {
         if self.next.is_none() {
             self.lease = None;
         }
+        if session.take_restart() {
+            self.pose = None;
+        }
         match outcome {
             Err(error) if matches!(error.exit(), Exit::Link | Exit::Interrupted) => Err(error),
             _ => Ok(()),
@@ -244,14 +246,14 @@ impl Server {
 
     fn follow_velocity(&mut self, session: &mut Session<'_>) -> Result<(), Error> {
         session.resume()?;
-        let moving = StopOnDrop::new(session);
+        let mut moving = StopOnDrop::new(session);
         loop {
             let request = CommandRequest {
                 velocity: Some(self.velocity),
                 clear_faults: Faults::SLIP,
                 ..CommandRequest::default()
             };
-            let report = moving.session.exchange(&request)?;
+            let report = moving.exchange(&request)?;
             let outcome = self.frame(moving.session, report.as_ref());
             // A command to stand ends with its lease.
             let stands = self.velocity == VelocityRequest::default();
@@ -269,10 +271,10 @@ impl Server {
     fn follow_plan(&mut self, session: &mut Session<'_>, plan: &mut dyn Plan) -> Result<(), Error> {
         session.resume()?;
         let mut runner = PlanRunner::new(session.now_us());
-        let moving = StopOnDrop::new(session);
+        let mut moving = StopOnDrop::new(session);
         let mut request = CommandRequest::default();
         loop {
-            let report = moving.session.exchange(&request)?;
+            let report = moving.exchange(&request)?;
             self.frame(moving.session, report.as_ref())?;
             let sample = RangeSample::of(moving.session.snapshot());
             let (Some(report), Some(sample)) = (report, sample) else {
@@ -317,8 +319,10 @@ impl Server {
     fn frame(&mut self, session: &mut Session<'_>, report: Option<&Report>) -> Result<(), Error> {
         let sample = RangeSample::of(session.snapshot());
         if let Some(sample) = sample.filter(|_| report.is_some()) {
-            let last = self.pose.replace(sample.pose);
-            if last.is_none_or(|last| last.distance_mm(sample.pose) > JUMP_MM) {
+            let jumps = |(us, pose)| session.snapshot().has_jumped_since(us, pose);
+            let is_new = self.pose.is_none_or(jumps);
+            self.pose = Some((sample.time_us, sample.pose));
+            if session.take_restart() || is_new {
                 let settings = exploring::localiser_config(session.config(), self.body_mm, CELL_MM);
                 self.map = Map::default();
                 self.map.put(Localiser::new(settings));

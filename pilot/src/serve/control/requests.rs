@@ -137,6 +137,10 @@ impl Server {
             }
             Request::NewMap => {
                 self.reachable_for(id)?;
+                if matches!(self.activity, Activity::Goto | Activity::Explore) {
+                    let text = "the robot drives by the map; `robot stop` ends that";
+                    return Err(refused(text, Exit::Busy));
+                }
                 self.pose = None;
             }
             Request::Borrow => {

@@ -1,6 +1,7 @@
 //! Stiction boost: with zero gains it is the whole output.
 
 use super::*;
+use crate::motion::pose_controller::stiction::StictionBoost;
 
 /// The boost after so many ticks at rest: from the fourth on a quarter of a percent more each tick.
 fn boost(ticks: u32) -> f64 {
@@ -91,4 +92,15 @@ fn boost_in_approach_and_final_rotation_only_rotates() {
             assert_outputs(commands, 0.0, boost(ticks).copysign(error));
         }
     }
+}
+
+#[test]
+fn boost_begins_anew_after_it_was_disabled() {
+    let (mut boost, mut output) = (StictionBoost::default(), I16F16::ZERO);
+    for _ in 0..20 {
+        output = boost.step(I16F16::ONE, true, false);
+    }
+    assert!(output > 4);
+    let next = [false, true].map(|enabled| boost.step(I16F16::ONE, enabled, false));
+    assert_eq!(next, [I16F16::ZERO; 2]);
 }
