@@ -1,5 +1,4 @@
-//! The navigator in a closed loop with the robot without firmware, with the true pose, and
-//! with the localiser.
+//! The navigator in a closed loop with the robot without firmware, with the true pose.
 #![allow(
     clippy::cast_precision_loss,
     clippy::cast_possible_truncation,
@@ -9,7 +8,7 @@
 mod closed_loop;
 mod ideal_map;
 
-use closed_loop::{Mapping, Run, drive, explore, localiser};
+use closed_loop::{Mapping, Run, drive, explore};
 use geometry::{Point, Pose2};
 use ideal_map::IdealMapper;
 use mapper::{Grid, PoseEstimate};
@@ -28,27 +27,6 @@ fn ensure_explored(run: &Run, iou: f64) {
     assert_eq!(run.outcome, Some(Outcome::Complete));
     assert_eq!(run.collisions, []);
     assert!(run.coverage > 0.99 && run.iou > iou, "{figures:?}");
-}
-
-#[test]
-fn default_room_is_explored_by_estimated_pose() {
-    let room = Room::two_rooms();
-    let config = Config {
-        sweep_half_width_rad: 60.0f64.to_radians(),
-        ..Config::default()
-    };
-    let run = explore(&room, 105, config, &mut localiser(), |_| None);
-    let errors = run.errors();
-    ensure_explored(&run, 0.85);
-    assert!(
-        errors.position_mm_median < 30.0 && errors.position_mm_max < 100.0,
-        "{errors:?}"
-    );
-    assert!(
-        errors.heading_deg_max < 5.0 && run.minutes < 12.0,
-        "{errors:?} {}",
-        run.minutes
-    );
 }
 
 // Requirement: NAV-explore-1

@@ -15,8 +15,6 @@ pub enum IoFault {
     None,
     /// This call fails, the next succeeds.
     FailsOnce(usize),
-    /// From this call on every transfer on the EEPROM's bus fails; the lines still work.
-    BusFails(usize),
     /// The process is killed before this call: it unwinds with [`ProcessKilled`], and no call made
     /// while unwinding reaches the board.
     Killed(usize),
@@ -66,7 +64,7 @@ impl Calls {
         plan.polls.push(call);
     }
 
-    fn call(&self, bus: bool) -> Result<(), CallFailed> {
+    fn call(&self) -> Result<(), CallFailed> {
         let (call, fault) = {
             let mut plan = self.0.borrow_mut();
             plan.calls += 1;
@@ -74,7 +72,6 @@ impl Calls {
         };
         match fault {
             IoFault::FailsOnce(at) if call == at => Err(CallFailed),
-            IoFault::BusFails(at) if call >= at && bus => Err(CallFailed),
             // Without a panic message.
             IoFault::Killed(at) if call == at => resume_unwind(Box::new(ProcessKilled)),
             IoFault::Killed(at) if call > at => Err(CallFailed),
@@ -95,7 +92,7 @@ impl<T> i2c::ErrorType for FaultyIo<T> {
 
 impl I2c for FaultyIo<Box<dyn I2c<Error = IoError>>> {
     fn transaction(&mut self, address: u8, parts: &mut [Operation<'_>]) -> Result<(), CallFailed> {
-        self.calls.call(true)?;
+        self.calls.call()?;
         self.inner.transaction(address, parts).map_err(|_| {
             self.calls.polled();
             CallFailed
@@ -129,7 +126,7 @@ pub fn with_fault(io: BoardIo, fault: IoFault) -> (BoardIo, Calls) {
     let line = |mut inner: Box<DynOutput>| {
         let calls = calls.clone();
         output(move |high| {
-            calls.call(false).map_err(IoError::new)?;
+            calls.call().map_err(IoError::new)?;
             inner.set_state(high.into())
         })
     };
@@ -140,7 +137,7 @@ pub fn with_fault(io: BoardIo, fault: IoFault) -> (BoardIo, Calls) {
         select: line(io.select),
         protect: line(io.protect),
         ready: input(move || {
-            polls.call(false).map_err(IoError::new)?;
+            polls.call().map_err(IoError::new)?;
             let high = ready.is_high()?;
             if !high {
                 polls.polled();

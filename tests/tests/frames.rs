@@ -121,23 +121,6 @@ fn bad_frame_is_dropped_and_next_is_read() {
     rig.assert_modelled();
 }
 
-// Requirement: WIRE-spi-2
-#[test]
-fn frame_torn_at_any_bit_loses_only_itself() {
-    let rig = normal();
-    let good = normal_frame(0, 0, 0, false);
-    for bits in 0..152 {
-        let torn = selected(1_000, first_bits(&good, 8_000_000, bits));
-        rig.spi_steps([&torn[..], &[SpiStep::Wait(20_000)]].concat());
-        // 20 µs later, the very next frame.
-        let reply = NormalReply::of(&rig.frame(&good));
-        assert_eq!(reply.key, KEY_STM, "torn after {bits} bits");
-        let found = (reply.x, reply.y, reply.not_used);
-        assert_eq!(found, (0, 0, false), "torn after {bits} bits");
-    }
-    rig.assert_modelled();
-}
-
 // Requirement: WIRE-spi-1, WIRE-spi-5
 #[test]
 fn frames_20_us_apart_are_all_answered() {

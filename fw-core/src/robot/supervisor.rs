@@ -154,7 +154,6 @@ mod tests {
     use super::*;
     use crate::types::Milliseconds;
 
-    const DEADLINE_US: u32 = 250_000;
     const APPLY: SupervisorCommand = SupervisorCommand {
         resumes: true,
         order: Order::None,
@@ -173,19 +172,6 @@ mod tests {
         (supervisor, allowed)
     }
 
-    // Requirement: WIRE-deadline-3
-    #[test]
-    fn supervisor_before_first_frame_coasts_ready() {
-        let mut supervisor = Supervisor::new(StopDeadline::new(Milliseconds(250)));
-        assert!(!supervisor.link_alive(Micros(0)));
-        for second in 0..10_000_u32 {
-            let now = Micros(second.wrapping_mul(1_000_000));
-            assert_eq!(supervisor.on_tick(now, false, false), AllowedMotion::Coast);
-        }
-        assert_eq!(supervisor.state(), State::Ready);
-        assert!(supervisor.faults().is_empty());
-    }
-
     #[test]
     fn motion_needs_request_and_busy_motors() {
         for (requested, busy, state, allowed) in [
@@ -197,64 +183,6 @@ mod tests {
             let (mut supervisor, _) = after(APPLY, 1);
             assert_eq!(supervisor.on_tick(Micros(2), requested, busy), allowed);
             assert_eq!(supervisor.state(), state);
-        }
-    }
-
-    // Requirement: WIRE-deadline-1
-    #[test]
-    fn silence_while_faulted_is_a_lost_link_too() {
-        let (mut supervisor, _) = after(APPLY, 1);
-        supervisor.raise(Faults::LEFT_STALLED);
-        for (tick, faults) in [
-            (DEADLINE_US - 1, Faults::LEFT_STALLED),
-            (DEADLINE_US, Faults::LEFT_STALLED | Faults::LINK_LOST),
-        ] {
-            let allowed = supervisor.on_tick(Micros(tick), true, true);
-            assert_eq!(
-                (allowed, supervisor.faults()),
-                (AllowedMotion::Brake, faults)
-            );
-        }
-    }
-
-    #[test]
-    fn silence_at_deadline_brakes_until_resumed() {
-        let (mut before, allowed) = after(APPLY, DEADLINE_US - 1);
-        assert_eq!(
-            (allowed, before.state()),
-            (AllowedMotion::Drive, State::Moving)
-        );
-        assert!(before.link_alive(Micros(DEADLINE_US - 1)));
-        let (mut supervisor, allowed) = after(APPLY, DEADLINE_US);
-        assert_eq!(allowed, AllowedMotion::Brake);
-        assert_eq!(supervisor.state(), State::Stopped);
-        assert_eq!(supervisor.faults(), Faults::LINK_LOST);
-        assert!(!supervisor.link_alive(Micros(DEADLINE_US)));
-        for _ in 0..1000 {
-            supervisor.on_fresh(Micros(DEADLINE_US), ALIVE);
-            let allowed = supervisor.on_tick(Micros(DEADLINE_US), true, true);
-            assert_eq!(allowed, AllowedMotion::Brake);
-        }
-    }
-
-    // Requirement: WIRE-deadline-2, WIRE-deadline-4
-    #[test]
-    fn apply_or_resume_ends_a_stop() {
-        let resume = SupervisorCommand {
-            order: Order::Resume,
-            ..ALIVE
-        };
-        // Apply also clears the latched fault: its modes cannot do so otherwise.
-        for (command, allowed, faults) in [
-            (ALIVE, AllowedMotion::Brake, Faults::LINK_LOST),
-            (APPLY, AllowedMotion::Drive, Faults::NONE),
-            (resume, AllowedMotion::Drive, Faults::LINK_LOST),
-        ] {
-            let (mut supervisor, _) = after(APPLY, DEADLINE_US);
-            let now = Micros(DEADLINE_US + 5);
-            supervisor.on_fresh(now, command);
-            assert_eq!(supervisor.on_tick(now, true, true), allowed);
-            assert_eq!(supervisor.faults(), faults);
         }
     }
 
@@ -283,36 +211,6 @@ mod tests {
                 AllowedMotion::Drive
             );
         }
-    }
-
-    /// No tick came between the deadline and the frame: the frame's orders count, not the silence.
-    #[test]
-    fn late_frame_clears_and_resumes_at_once() {
-        for (order, halted) in [(Order::None, true), (Order::Resume, false)] {
-            let (mut supervisor, _) = after(APPLY, 1);
-            let command = SupervisorCommand {
-                order,
-                clear_faults: Faults::LINK_LOST,
-                ..ALIVE
-            };
-            supervisor.on_fresh(Micros(DEADLINE_US), command);
-            assert_eq!(
-                (supervisor.faults(), supervisor.halted()),
-                (Faults::NONE, halted)
-            );
-        }
-    }
-
-    #[test]
-    fn stop_order_wins_over_apply() {
-        let stop = SupervisorCommand {
-            order: Order::Stop,
-            ..APPLY
-        };
-        let (supervisor, allowed) = after(stop, 1);
-        assert_eq!(allowed, AllowedMotion::Brake);
-        assert_eq!(supervisor.state(), State::Stopped);
-        assert!(supervisor.halted());
     }
 
     // Requirement: WIRE-status-1, WIRE-status-5

@@ -58,33 +58,6 @@ fn errors(mode: Mode, command: &[u8], report: &[u8]) -> [Option<FrameError>; 2] 
     ]
 }
 
-fn offset_of(mode: Mode, field: Field) -> Option<usize> {
-    let place = chain(mode).iter().position(|&other| other == field)?;
-    let before = chain(mode)[..place].iter();
-    Some(before.map(|field| field.byte_len()).sum())
-}
-
-// Requirement: DOC-5.1-1, WIRE-rejected-3
-#[test]
-fn short_frame_names_strategy_that_lacks_bytes() {
-    for &mode in Mode::ALL {
-        let command = command_frame(mode, &Command::default());
-        let report = report_frame(mode, &Report::default());
-        for len in 0..frame_len(mode) {
-            let ends_beyond =
-                |field: &&Field| offset_of(mode, **field).unwrap() + field.byte_len() > len;
-            let cut = chain(mode).iter().find(ends_beyond).unwrap();
-            let offset = offset_of(mode, *cut).unwrap();
-            for error in errors(mode, &command[..len], &report[..len]) {
-                let error = error.unwrap();
-                assert_eq!((error.field, usize::from(error.offset)), (*cut, offset));
-                assert!(matches!(error.reason, Reason::Short { left, .. }
-                    if usize::from(left) == len - offset));
-            }
-        }
-    }
-}
-
 // Requirement: DOC-5.1.5-1, WIRE-crc-2
 #[test]
 fn long_frame_names_all_data_used_and_excess() {
@@ -268,17 +241,6 @@ fn accepted(mode: Mode, last: u8, numbers: &[u8]) -> (Vec<bool>, LinkCounters) {
     assert!(receive(last));
     let accepted = numbers.iter().map(|&own| receive(own)).collect();
     (accepted, *stm.counters())
-}
-
-// Requirement: WIRE-sequence-6
-#[test]
-fn repeated_frame_is_stale_in_guarded_modes_only() {
-    for &mode in Mode::ALL {
-        let numbered = mode.has(Field::Sequence);
-        let (accepted, counters) = accepted(mode, 1, &[1, 2]);
-        assert_eq!(accepted, [!numbered, true]);
-        assert_eq!(counters.rejected(Cause::Stale), u32::from(numbered));
-    }
 }
 
 #[test]

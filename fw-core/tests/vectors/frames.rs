@@ -72,7 +72,7 @@ fn frames_decode_to_vector_values() {
 }
 
 // Requirement: DOC-5.1-3, DOC-5.1.3-5, DOC-5.1.6-1, DOC-5.1.6-3, WIRE-battery-3, WIRE-rejected-1
-// Requirement: WIRE-rejected-2
+// Requirement: WIRE-rejected-2, WIRE-rejected-3
 #[test]
 fn rejected_frames_match_vector_errors() {
     for vector in list(&file("rejected")) {

@@ -1,8 +1,8 @@
 //! Explores a room with the robot without firmware, and compares with the truth afterwards.
 
 use geometry::Pose2;
-use mapper::evaluation::{PoseErrors, best_alignment, coverage, in_estimate_frame, pose_errors};
-use mapper::{Grid, Localiser, LocaliserConfig, Observation, PoseEstimate, map_iou};
+use mapper::evaluation::{best_alignment, coverage, in_estimate_frame};
+use mapper::{Grid, PoseEstimate, map_iou};
 use navigator::{Action, Config, Explorer, Outcome, Status, StopReason, Velocity};
 use plant::kinematic::{KinematicRobot, SensorSample, VelocityInput};
 use plant::{Collision, Imperfections, Room};
@@ -33,34 +33,6 @@ pub trait Mapping {
     fn observe(&mut self, room: &Room, truth: &Pose2, sample: &SensorSample);
     fn estimate(&self) -> PoseEstimate;
     fn grid(&self) -> &Grid;
-}
-
-impl Mapping for Localiser {
-    fn observe(&mut self, _: &Room, _: &Pose2, sample: &SensorSample) {
-        Self::observe(
-            self,
-            &Observation {
-                time_s: sample.time_s,
-                odometry: sample.odometry,
-                gyro_rad: sample.gyro_rad,
-                ranges_mm: sample.ranges_mm,
-                front_bearing_rad: Some(sample.front_bearing_rad),
-            },
-        );
-    }
-
-    fn estimate(&self) -> PoseEstimate {
-        Self::estimate(self)
-    }
-
-    fn grid(&self) -> &Grid {
-        Self::grid(self)
-    }
-}
-
-/// A localiser with an empty map.
-pub fn localiser() -> Localiser {
-    Localiser::new(LocaliserConfig::default())
 }
 
 /// Explores. `stop` gives the stops that are latched at a time.
@@ -150,12 +122,4 @@ pub fn drive(
     run.iou = map_iou(mapping.grid(), &walls, 100.0).iou;
     run.grid = mapping.grid().clone();
     run
-}
-
-impl Run {
-    /// Errors after the best alignment.
-    pub fn errors(&self) -> PoseErrors {
-        let aligned = best_alignment(&self.estimate, &self.truth);
-        pose_errors(&self.estimate, &self.truth, &aligned)
-    }
 }

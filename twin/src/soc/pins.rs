@@ -52,6 +52,11 @@ impl Stm32f411 {
         self.port(pin).get(Register::Pupdr) >> (pin.number * 2) & 3
     }
 
+    /// Whether its output only pulls low.
+    pub(super) fn is_open_drain(&self, pin: Pin) -> bool {
+        self.port(pin).get(Register::Otyper) >> pin.number & 1 != 0
+    }
+
     /// The fastest square wave that its output follows at 2.7 V and 30 to 50 pF, hertz: DS10314 6.3.16.
     pub(super) fn fastest(&self, pin: Pin) -> u64 {
         match self.port(pin).get(Register::Ospeedr) >> (pin.number * 2) & 3 {
@@ -75,9 +80,8 @@ impl Stm32f411 {
         if taken || self.role(pin) != Role::Output {
             return None;
         }
-        let bit = |register| self.port(pin).get(register) >> pin.number & 1 != 0;
-        let (high, open_drain) = (bit(Register::Odr), bit(Register::Otyper));
-        (!(high && open_drain)).then_some(Level::from(high))
+        let high = self.port(pin).get(Register::Odr) >> pin.number & 1 != 0;
+        (!(high && self.is_open_drain(pin))).then_some(Level::from(high))
     }
 
     /// The low-speed oscillator is on, as an earlier firmware may leave it: no reset stops it.

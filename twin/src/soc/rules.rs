@@ -6,7 +6,7 @@ use rigless::emulator::{Access, AccessKind};
 use rigless::soc::Layout;
 use rigless::soc::stm32f427::generated as g;
 use rigless::soc::stm32f427::generated::i2c3::Register::{Ccr, Cr1, Cr2, Trise};
-use rigless::soc::stm32f427::generated::rcc::Register::{Ahb1rstr, Apb1rstr, Apb2rstr};
+use rigless::soc::stm32f427::generated::rcc::Register::{Ahb1rstr, Apb1rstr, Apb2rstr, Cr};
 use rigless::time::VirtualNanos;
 
 use super::{Role, Stm32f411, memory_map};
@@ -14,6 +14,7 @@ use crate::pin::pin;
 use crate::pinout;
 
 const DMA1: u64 = 0x4002_6000;
+const PWR_CR: u64 = 0x4000_7000;
 const I2C1_CR1: u64 = 0x4000_5400;
 const GPIOB_MODER: u64 = 0x4002_0400;
 const ADC1_CR2: u64 = 0x4001_2008;
@@ -45,6 +46,8 @@ pub struct Rules {
     i2c_reset: bool,
     /// A block is held in reset.
     resets: bool,
+    /// `VOS` as it was last written.
+    vos: Option<u64>,
     /// HCLK, and what must suit it, when it was last looked at.
     clocks: [u64; 4],
 }
@@ -68,6 +71,7 @@ impl Stm32f411 {
             I2C1_CR1 if write => self.check_i2c(now, value),
             GPIOB_MODER if write && !self.i2c_connected() => {
                 self.rules.i2c_reset = false;
+                self.check_open_drain(now);
                 if self.block(self.slots.i2c1).get(Cr1) & 1 != 0 {
                     let reason = "enabled without its pins: BUSY may be locked, RM0383 18.6.1";
                     self.tell(now, self.slots.i2c1, "CR1", reason);
@@ -81,6 +85,15 @@ impl Stm32f411 {
                 let rcc = self.block(self.slots.rcc);
                 let resets = [Ahb1rstr, Apb1rstr, Apb2rstr].map(|r| rcc.get(r));
                 self.rules.resets = resets != [0; 3];
+            }
+            PWR_CR if write => {
+                let vos = value >> 14 & 3;
+                // Out of reset scale 2.
+                let before = self.rules.vos.replace(vos).unwrap_or(0b10);
+                if before != vos && self.block(self.slots.rcc).get(Cr) >> 24 & 1 != 0 {
+                    let reason = "VOS is changed while the PLL is on, RM0383 5.4.1";
+                    self.tell(now, self.slots.pwr, "CR", reason);
+                }
             }
             _ => {}
         }
@@ -125,6 +138,16 @@ impl Stm32f411 {
         let (nth, register) = ((register - 0x10) / 0x18, (register - 0x10) % 0x18);
         let stream = 1 << (controller * 8 + nth);
         let enables = register == 0 && value & 1 != 0;
+        let name = if controller == 0 { "DMA1" } else { "DMA2" };
+        let (low, high) = (g::dma2::Register::Lisr, g::dma2::Register::Hisr);
+        let flags = self.registers(name).get(if nth < 4 { low } else { high });
+        let is_stale = flags >> [0, 6, 16, 22][(nth % 4) as usize] & 0x3D != 0;
+        // Seen as the items are set, since a pending request may move the first ones with EN.
+        if write && register == 4 && is_stale {
+            let slot = self.bus.slot_at(DMA1 + (controller << 10));
+            let reason = "set up with flags of its last transfer, RM0383 9.3.17";
+            self.tell(now, slot.expect("a controller"), "SxCR", reason);
+        }
         let rules = &mut self.rules;
         if write && rules.stopping & stream != 0 && (register != 0 || enables) {
             let slot = self.bus.slot_at(DMA1 + (controller << 10));
@@ -134,7 +157,6 @@ impl Stm32f411 {
             rules.enabled |= stream;
         } else if write && register == 0 && rules.enabled & stream != 0 {
             rules.enabled &= !stream;
-            let name = if controller == 0 { "DMA1" } else { "DMA2" };
             let mut rows = g::dma2::Register::ALL.into_iter();
             let row = rows.find(|row| u64::from(row.spec().offset) == 0x14 + nth * 0x18);
             // A stream at its end is off already.
@@ -160,6 +182,16 @@ impl Stm32f411 {
         [pinout::SCL, pinout::SDA].map(|pin| self.role(pin)) == [I2C_FUNCTION; 2]
     }
 
+    /// Two ends drive the bus low: neither may drive it high.
+    fn check_open_drain(&mut self, now: VirtualNanos) {
+        for line in [pinout::SCL, pinout::SDA] {
+            if matches!(self.role(line), Role::Output | I2C_FUNCTION) && !self.is_open_drain(line) {
+                let reason = "a line of the I2C bus is not open drain, RM0383 8.3.10";
+                self.tell(now, self.slots.gpio[line.port], "OTYPER", reason);
+            }
+        }
+    }
+
     /// A write of I2C1's `CR1`.
     fn check_i2c(&mut self, now: VirtualNanos, value: u64) {
         if value & 1 << 15 != 0 {
@@ -168,6 +200,7 @@ impl Stm32f411 {
         if value & 1 == 0 {
             return;
         }
+        self.check_open_drain(now);
         let slot = self.slots.i2c1;
         if !self.rules.i2c_reset {
             self.tell(now, slot, "CR1", "enabled without SWRST after its pins were connected: BUSY may be locked, RM0383 18.6.1");

@@ -7,6 +7,7 @@ const APB1RSTR: u64 = RCC + 0x20;
 const GPIOA_MODER: u64 = 0x4002_0000;
 const GPIOA_OSPEEDR: u64 = GPIOA_MODER + 8;
 const GPIOB_MODER: u64 = 0x4002_0400;
+const GPIOB_OTYPER: u64 = GPIOB_MODER + 4;
 const GPIOB_PUPDR: u64 = GPIOB_MODER + 0xC;
 const GPIOB_AFRL: u64 = 0x4002_0420;
 const I2C1: u64 = 0x4000_5400;
@@ -16,6 +17,8 @@ const CCR: u64 = I2C1 + 0x1C;
 const TRISE: u64 = I2C1 + 0x20;
 const ADC1: u64 = 0x4001_2000;
 const STREAM: u64 = 0x4002_6010;
+const PWR: u64 = 0x4000_7000;
+const LIFCR: u64 = 0x4002_6008;
 const READ: u64 = u64::MAX;
 
 /// What is reported after these accesses, each an address and what is written, or [`READ`].
@@ -23,7 +26,7 @@ fn reported(accesses: &[(u64, u64)]) -> Vec<&'static str> {
     let mut part = super::part();
     let enabled = [
         (AHB1ENR, 0x0020_0003),
-        (APB1ENR, 1 << 21),
+        (APB1ENR, 1 << 21 | 1 << 28),
         (APB2ENR, 1 << 8),
     ];
     for &(address, value) in enabled.iter().chain(accesses) {
@@ -44,7 +47,7 @@ fn reported(accesses: &[(u64, u64)]) -> Vec<&'static str> {
 /// A stream that receives, stopped with items left.
 const STOPPED: [(u64, u64); 3] = [(STREAM + 4, 3), (STREAM, 1), (STREAM, 0)];
 /// I2C1 at 16 MHz with its pins connected: 400 kHz within the specification, and SWRST.
-const I2C: [(u64, u64); 7] = [
+const I2C: [(u64, u64); 8] = [
     (GPIOB_MODER, 0xA280),
     (GPIOB_AFRL, 0x4400_0000),
     (CR1, 1 << 15),
@@ -52,6 +55,7 @@ const I2C: [(u64, u64); 7] = [
     (CR2, 16),
     (CCR, 0x800E),
     (TRISE, 5),
+    (GPIOB_OTYPER, 0xC0),
 ];
 /// A scan of IN0 and IN1 with 480 cycles of 4 MHz.
 const ADC: [(u64, u64); 4] = [
@@ -71,13 +75,18 @@ fn forbidden_accesses_are_reported_and_right_ones_not() {
         changed[nth].1 = value;
         changed
     };
-    let cases: [Case; 16] = [
+    let cases: [Case; 21] = [
         (
             STOPPED.into(),
-            &[(STREAM, READ), (STREAM + 4, 8), (STREAM, 1)],
+            &[(STREAM, READ), (LIFCR, 0x3D), (STREAM + 4, 8), (STREAM, 1)],
             &[],
         ),
-        (STOPPED.into(), &[(STREAM + 4, 8)], &["SxCR"]),
+        (
+            STOPPED.into(),
+            &[(STREAM, READ), (STREAM + 4, 8)],
+            &["SxCR"],
+        ),
+        (STOPPED.into(), &[(LIFCR, 0x3D), (STREAM + 4, 8)], &["SxCR"]),
         (STOPPED.into(), &[(STREAM, 1)], &["SxCR"]),
         (I2C.into(), &[(CR1, 1)], &[]),
         (instead(&I2C, 2, 0), &[(CR1, 1)], &["CR1"]),
@@ -90,6 +99,18 @@ fn forbidden_accesses_are_reported_and_right_ones_not() {
         (instead(&I2C, 5, 0x800A), &[(CR1, 1)], &["CCR"]),
         (instead(&I2C, 6, 1), &[(CR1, 1)], &["TRISE"]),
         (I2C.into(), &[(CR1, 1), (GPIOB_MODER, 0)], &["CR1"]),
+        (instead(&I2C, 7, 0x40), &[(CR1, 1)], &["OTYPER"]),
+        (
+            instead(&I2C, 7, 0x80),
+            &[(GPIOB_MODER, 0x5280)],
+            &["OTYPER"],
+        ),
+        (
+            vec![(PWR, 3 << 14), (RCC, 0x0100_0083)],
+            &[(PWR, 3 << 14)],
+            &[],
+        ),
+        (vec![(RCC, 0x0100_0083)], &[(PWR, 3 << 14)], &["CR"]),
         // PB0 carries an echo, PB1 does not.
         (
             vec![(GPIOB_PUPDR, 0b0100), (GPIOB_PUPDR, 0b0001)],
@@ -111,7 +132,6 @@ fn forbidden_accesses_are_reported_and_right_ones_not() {
 /// The PLL at 100 MHz needs scale 1, three wait states and APB1 at half its clock.
 #[test]
 fn clocks_beyond_limits_of_part_are_reported() {
-    const PWR: u64 = 0x4000_7000;
     let cases: [(u64, u64, u64, &[&str]); 4] = [
         (3, 3, 0x1002, &[]),
         (3, 3, 0x0002, &["CFGR"]),
