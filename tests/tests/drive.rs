@@ -1,5 +1,6 @@
 //! Driving to a pose with the real, unequal motors: 5 mm and 1° at rest.
 
+use host_link::error::Error;
 use host_link::pose::Pose;
 use host_link::session::{RATE_HZ, Session};
 use host_link::settings::Settings;
@@ -98,4 +99,25 @@ fn pose_followed_by_velocity_ends_within_configured_tolerances() {
     let (mm, deg) = follow(Imperfections::none(), &poses);
     assert!(mm < 2.0 && deg < 0.3, "{mm} mm, {deg}° from the truth");
     follow(Imperfections::default(), &poses);
+}
+
+// Requirement: WIRE-safe-2
+#[test]
+fn drive_ends_where_the_watchdog_restarts_the_firmware() {
+    let image = Settings::sample().expect("accepted").image().0.to_vec();
+    let rig = Rig::ready(Options::with_eeprom(image).in_room(Room::default()));
+    let mut io = rig.io();
+    let mut session = Session::open(&mut io, RATE_HZ, READY_MS).expect("a session");
+    let (mut frames, target) = (0, Pose::new(1000.0, 0.0, 0.0));
+    let driven = go_to(&mut session, target, &ArrivalCriteria::default(), |_, _| {
+        frames += 1;
+        if frames == 80 {
+            rig.stop_ticks();
+        }
+    });
+    assert_eq!(driven, Err(Error::Restarted));
+    // It rolls on for a moment, and stands.
+    let x_mm = rig.pose().x_mm;
+    assert!((100.0..300.0).contains(&x_mm), "{x_mm}");
+    assert!(rig.max_wheel_deg_s() < 3.0);
 }

@@ -6,9 +6,8 @@ use robot_tests::reference::{
     tuning_frame,
 };
 use robot_tests::test_board::{Rig, ahead};
-use robot_tests::wires::{first_bits, selected};
+use twin::Options;
 use twin::plant::{Pose2, Room};
-use twin::{Options, SpiStep};
 
 fn normal() -> Rig {
     let rig = Rig::configured(original_image());

@@ -37,6 +37,8 @@
 //!   ([`trace::cycles`]) with the flash's wait states, loads and branches. Entering or leaving an exception
 //!   takes no time.
 //! - DMA moves a word at the instant it is requested.
+//! - A START or STOP of the I2C takes no time; the converter goes on without `DDS`; a peripheral answers at
+//!   once after its clock is enabled; the LSI, and the watchdog with it, runs at exactly 32 kHz.
 //! - A peripheral of the part without a model (SPI2 to SPI5, TIM9, TIM10, CRC, WWDG, SDIO, OTG)
 //!   answers from its registers alone, and [`Board::unmodelled`] reports every access.
 //! - Voltage dips: the supervisor and the brown-out reset see a steady 3.3 V.
