@@ -140,6 +140,7 @@ fn senseless_drives_are_refused_before_they_move() {
     let program = Program::configured();
     fs::write(program.file("tour"), "300 0 0\n").expect("written");
     fs::create_dir(program.file("map.png")).expect("made");
+    fs::write(program.file("was.pgm"), "P5\n").expect("written");
     fs::create_dir(program.file("eeprom.bin.explored.json")).expect("made");
     program.expect_each(
         r#"
@@ -152,8 +153,11 @@ fn senseless_drives_are_refused_before_they_move() {
         2 | tune move | not confirmed
         13 | tune battery 1 5.1 | accepted are 5 %
         0 | --json doctor | "failed":0
+        0 | mode 0x12 | both ends
+        5 | map tour --out was | position to drive to
         "#,
     );
+    assert!(fs::read(program.file("was.pgm")).is_ok_and(|map| map == b"P5\n"));
 }
 
 // Requirement: WIRE-program-1

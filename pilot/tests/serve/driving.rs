@@ -246,6 +246,8 @@ fn motion_of_the_driver_replaces_its_last_one() {
                 // The lease of the first was for 5 s, of the second for 2 s.
                 assert!(time_us(&mut driver) < asked_us + 1_000_000);
             }
+            let refused = driver.request(&Request::NewMap).is_err();
+            assert_eq!(refused, activity == Activity::Explore);
         }
         driver.request(&Request::Stop).unwrap();
         while !end_of_motion(&mut driver).contains("stopped by driver") {}
