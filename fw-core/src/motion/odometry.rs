@@ -269,6 +269,7 @@ fn narrow(path: i64) -> i32 {
 
 /// Chord over arc, less 1: −ψ²/24 + ψ⁴/1920 − ψ⁶/322560, Q32, for `turn` in 2⁻³² turns; error ≤ 2.1e-10
 /// up to a sixteenth of a turn, bounded by 6 % beyond.
+// Requirement: DOC-4.1-3
 const fn shortening(turn: i32) -> i32 {
     // −turns², Q35. All factors are negative: LLVM takes a known positive factor for
     // unsigned, and has no single instruction for a mixed product.

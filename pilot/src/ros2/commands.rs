@@ -239,7 +239,6 @@ mod tests {
         assert_eq!(commands.velocity("a", &twist, at(200)), Ok(drive.clone()));
         assert!(commands.velocity("b", &twist, at(699)).is_err());
         assert_eq!(commands.velocity("b", &twist, at(700)), Ok(drive.clone()));
-        // Released again and again, it ends nothing.
         assert_eq!(commands.stop(false), None);
         assert!(commands.velocity("a", &twist, at(800)).is_err());
         assert_eq!(commands.stop(true), Some(Request::Stop));

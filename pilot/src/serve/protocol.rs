@@ -81,7 +81,7 @@ pub enum Request {
     Stop,
     /// Clears the latched faults; the robot stays where it is.
     ClearFaults,
-    /// Begins a new map where the robot stands.
+    /// Begins a new map where the robot stands; refused while it drives by the map.
     NewMap,
     /// Over the Unix socket: hands the robot's lines and buses to this client, until it returns them,
     /// disconnects or is stopped.
