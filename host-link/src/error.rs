@@ -194,10 +194,7 @@ pub enum Error {
         faults: String,
     },
     /// The STM restarted during a drive, so that where the robot is in the drive's frame is unknown.
-    #[error(
-        "the STM restarted while it drove: the pose begins anew, and the drive has ended; the UART log \
-         says why it restarted"
-    )]
+    #[error("the STM restarted, which ended the drive: the pose is zero again; its log says why")]
     Restarted,
     /// A device could not be opened.
     #[error("cannot use {name} ({cause}); {advice}")]

@@ -158,7 +158,7 @@ impl<'m> Session<'m> {
         &self.snapshot
     }
 
-    /// Whether the STM has restarted since the last call: its pose begins anew.
+    /// Whether the STM has restarted since the last call: its pose has returned to zero.
     pub fn take_restart(&mut self) -> bool {
         std::mem::take(&mut self.snapshot.restarted)
     }

@@ -52,7 +52,7 @@ pub struct Snapshot {
     /// The latest gyro code, and the codes since the first without their wrap.
     #[serde(skip)]
     gyro: Option<(i32, i64)>,
-    /// The STM has restarted since the last [`crate::session::Session::take_restart`]: its pose begins anew.
+    /// The STM has restarted since the last [`crate::session::Session::take_restart`]: its pose returned to zero.
     #[serde(skip)]
     pub restarted: bool,
     #[serde(skip)]
@@ -69,14 +69,12 @@ const JUMP: (f64, f64) = (150.0, 90.0);
 impl Snapshot {
     /// Nothing reported yet.
     pub fn new(config: &Config) -> Self {
+        let [left, right] = [config.left(), config.right()];
         Self {
             mode: config.mode().name(),
             cells_v: vec![None; config.cells().into()],
             kind: config.mode(),
-            full_speed_mm_s: [config.left(), config.right()]
-                .map(|wheel| f64::from(wheel.full_speed_mm_s))
-                .into_iter()
-                .fold(0.0, f64::max),
+            full_speed_mm_s: f64::from(left.full_speed_mm_s.max(right.full_speed_mm_s)),
             ..Self::default()
         }
     }

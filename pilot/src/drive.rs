@@ -34,6 +34,10 @@ impl Default for ArrivalCriteria {
     }
 }
 
+/// Frames in a row without a valid reply after which a robot does not drive on blindly: a fifth of a second at
+/// 40 Hz, less than its own stop deadline.
+pub const MAX_UNANSWERED: u32 = 8;
+
 /// Slowest average a drive is given time for, millimetres a second.
 const SLOWEST_MM_S: f64 = 40.0;
 
@@ -91,7 +95,7 @@ pub fn go_to(
 ///
 /// # Errors
 /// Those of [`Session::resume`]; [`Error::WrongMode`].
-pub fn ensure_drivable(session: &mut Session<'_>) -> Result<(), Error> {
+pub fn resume_to_pose(session: &mut Session<'_>) -> Result<(), Error> {
     let mode = session.config().mode();
     if !mode.has(Field::Position) && !mode.has(Field::Velocity) {
         return Err(Error::WrongMode(mode.name(), "position to drive to"));
@@ -109,7 +113,7 @@ pub fn follow<'m>(
     criteria: &ArrivalCriteria,
     mut watch: impl FnMut(&mut Session<'m>, Option<&Report>) -> Result<(), Error>,
 ) -> Result<Arrival, Error> {
-    ensure_drivable(session)?;
+    resume_to_pose(session)?;
     let mode = session.config().mode();
     let begun_us = session.now_us();
     let from = session.snapshot().pose.unwrap_or_default();
@@ -212,15 +216,16 @@ impl<'s, 'm> StopOnDrop<'s, 'm> {
         Self { session, arrived }
     }
 
-    /// Exchanges a frame of the drive. Blind, without a valid reply to the last ones, the robot stands.
+    /// Exchanges a frame of the drive. After [`MAX_UNANSWERED`] the velocity is zero.
     ///
     /// # Errors
     /// Those of [`Session::exchange`]; [`Error::Restarted`].
     pub fn exchange(&mut self, request: &CommandRequest) -> Result<Option<Report>, Error> {
         let mut request = *request;
-        if let (Some(velocity), Err(_)) =
-            (&mut request.velocity, self.session.check_answered(BLIND))
-        {
+        if let (Some(velocity), Err(_)) = (
+            &mut request.velocity,
+            self.session.check_answered(MAX_UNANSWERED),
+        ) {
             (velocity.forward_mm_s, velocity.yaw_rate_deg_s) = (0.0, 0.0);
         }
         let report = self.session.exchange(&request)?;
@@ -230,9 +235,6 @@ impl<'s, 'm> StopOnDrop<'s, 'm> {
         Ok(report)
     }
 }
-
-/// Frames in a row without a valid reply.
-const BLIND: u32 = 8;
 
 impl Drop for StopOnDrop<'_, '_> {
     fn drop(&mut self) {

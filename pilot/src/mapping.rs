@@ -154,6 +154,24 @@ pub fn save_map(grid: &Grid, path: &[Pose2], stem: &Path) -> Result<Files, Error
     Ok(files)
 }
 
+/// # Errors
+/// [`Error::Content`] for poses of `path` that a map of cells of `cell_mm` does not hold.
+pub fn check_extent(
+    poses: impl IntoIterator<Item = Pose>,
+    cell_mm: f64,
+    path: &Path,
+) -> Result<(), Error> {
+    let farther_mm = |far: f64, pose: Pose| far.max(pose.x_mm.abs()).max(pose.y_mm.abs());
+    let far_m = poses.into_iter().fold(0.0, farther_mm) / 1000.0;
+    let most_m = f64::from(map_plot::MAX_SIDE_CELLS / 2 - 100) * cell_mm / 1000.0;
+    if far_m <= most_m {
+        return Ok(());
+    }
+    let accepted = format!("with cells of {cell_mm} mm (--cell) accepted are {most_m:.0} m");
+    let what = format!("it goes {far_m:.0} m from the start; {accepted}");
+    Err(Error::content(path, None, what))
+}
+
 /// Largest picture of a map, bytes: 4000 cells a side.
 const MAX_PIXELS: u64 = 17 << 20;
 
@@ -253,6 +271,22 @@ mod tests {
         let wide = mounts(&Config::decode(&image).unwrap(), 170.0).map(Option::unwrap);
         let places = wide.map(|mount| (mount.ahead_mm, mount.left_mm));
         assert_eq!(places, [(140.0, 0.0), (0.0, -130.0), (0.0, 130.0)]);
+    }
+
+    #[test]
+    fn way_beyond_any_picture_is_refused() {
+        let extent = |x, y| {
+            check_extent(
+                [Pose::default(), Pose::new(x, y, 0.0)],
+                25.0,
+                Path::new("way"),
+            )
+        };
+        assert_eq!(extent(47_000.0, -47_000.0), Ok(()));
+        for (x, y) in [(48_000.0, 0.0), (0.0, -48_000.0)] {
+            let refused = extent(x, y).unwrap_err().to_string();
+            assert!(refused.contains("48 m from the start"), "{refused}");
+        }
     }
 
     #[test]

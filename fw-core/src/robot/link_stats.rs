@@ -205,12 +205,8 @@ mod tests {
         for second in 0..4_300_u32 {
             let _ = transmitted(&mut log);
             counters.reject(Cause::Stale);
-            line.log_line(
-                Micros(second.wrapping_mul(1_000_000)),
-                true,
-                &counters,
-                &mut log,
-            );
+            let now = Micros(second.wrapping_mul(1_000_000));
+            line.log_line(now, true, &counters, &mut log);
         }
         line.on_frame(Micros(20_000));
         line.log_line(Micros(30_000), true, &counted(3), &mut log);

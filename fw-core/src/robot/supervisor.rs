@@ -93,7 +93,7 @@ impl Supervisor {
         // A frame after the deadline but before the next tick does not undo the stop.
         self.check_deadline(now);
         self.deadline.fresh(now);
-        // Of a motion that was asked for before the restart.
+        // The sender may still command what it did before the restart: only an explicit resume moves the robot.
         // Requirement: WIRE-safe-2
         self.halted |= !self.linked && self.faults.intersects(Faults::RESTARTED);
         self.linked = true;
@@ -206,10 +206,8 @@ mod tests {
             assert_eq!(supervisor.on_tick(Micros(2), true, true), allowed);
             supervisor.on_fresh(Micros(3), APPLY);
             supervisor.on_fresh(Micros(4), ALIVE);
-            assert_eq!(
-                supervisor.on_tick(Micros(5), true, true),
-                AllowedMotion::Drive
-            );
+            let last = supervisor.on_tick(Micros(5), true, true);
+            assert_eq!(last, AllowedMotion::Drive);
         }
     }
 

@@ -4,7 +4,7 @@ use super::Settings;
 use super::format::{self, Format};
 use crate::error::Error;
 use crate::file::FileFault;
-use fw_core::eeprom::{Config, ConfigError, Expected, FIELDS, Field, Image, fields};
+use fw_core::eeprom::{Config, ConfigError, Expected, FIELDS, Field, Image, MAX_CELLS, fields};
 use fw_core::wire::Mode;
 use std::fmt::Write;
 use std::ops::Range;
@@ -32,7 +32,7 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Settings, Error> {
     let mut image = Image::FIRST_BOARD;
     for (field, key) in format::all().zip(&keys) {
         // A number that no robot has is complained of by itself, below.
-        let cells = Some(image.get(fields::CELLS)).filter(|&cells| cells <= 8);
+        let cells = Some(image.get(fields::CELLS)).filter(|&cells| cells <= MAX_CELLS as u64);
         let unused = u64::from(field.tap) > cells.unwrap_or_default();
         match find(document, key) {
             Some(value) => {

@@ -3,7 +3,7 @@
 
 use super::wheel_geometry::WheelGeometry;
 use super::wheel_path::WheelPath;
-use crate::drive::{ArrivalCriteria, follow};
+use crate::drive::{ArrivalCriteria, MAX_UNANSWERED, follow, resume_to_pose};
 use host_link::error::Error;
 use host_link::pose::Pose;
 use host_link::session::Session;
@@ -11,10 +11,6 @@ use std::ops::RangeInclusive;
 
 /// Largest reported distance from the straight line between two corners, millimetres.
 const MAX_CROSS_TRACK_MM: f64 = 150.0;
-
-/// Frames in a row without a valid reply that end a run: a fifth of a second at 40 Hz, less than the
-/// robot's own stop deadline.
-const MAX_UNANSWERED: u32 = 8;
 
 /// Shortest and longest drive or side of a square, millimetres.
 pub const LENGTHS_MM: RangeInclusive<f64> = 300.0..=5000.0;
@@ -49,11 +45,8 @@ pub fn run(
     criteria: &ArrivalCriteria,
     mut reached: impl FnMut(usize),
 ) -> Result<WheelPath, Error> {
-    session.resume()?;
-    let start = session.snapshot().pose.ok_or(Error::WrongMode(
-        session.config().mode().name(),
-        "position to drive to",
-    ))?;
+    resume_to_pose(session)?;
+    let start = session.snapshot().pose.unwrap_or_default();
     let mut path = WheelPath::new(WheelGeometry::from_config(session.config()));
     path.push(start);
     let mut from = start;

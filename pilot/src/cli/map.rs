@@ -10,7 +10,7 @@ use host_link::session::Session;
 use host_link::snapshot::Snapshot;
 use host_link::statistics::LinkStatistics;
 use pilot::exploring::Localisation;
-use pilot::mapping::{Files, RangeSample};
+use pilot::mapping::{self, Files, RangeSample};
 use pilot::recording::{self, Recorder};
 use pilot::waypoints;
 use serde_json::json;
@@ -23,19 +23,19 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
         (_, Some(file)) => {
             let (settings, samples) = recording::load(file)?;
             let poses = samples.iter().map(|sample| sample.pose);
-            recording::check_extent(poses, cell_mm, file)?;
+            mapping::check_extent(poses, cell_mm, file)?;
             let localisation = localised(settings.config(), body_mm, cell_mm, &samples);
             save(map, &localisation, None, context)
         }
         (Some(file), None) => {
             let waypoints = waypoints::load(file)?;
-            recording::check_extent(waypoints.iter().copied(), cell_mm, file)?;
+            mapping::check_extent(waypoints.iter().copied(), cell_mm, file)?;
             check(&map.out)?;
             context.with_board(|connection| {
                 let mut session = context.open_session(&mut connection.io)?;
                 let mut samples = Vec::new();
                 // Once nothing refuses the drive: it replaces files.
-                pilot::drive::ensure_drivable(&mut session)?;
+                pilot::drive::resume_to_pose(&mut session)?;
                 let mut recorder = recorder(map.record.as_deref(), body_mm, &mut session)?;
                 let mut written = Ok(());
                 let watch = |snapshot: &Snapshot| {

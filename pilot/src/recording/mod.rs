@@ -4,7 +4,7 @@
 mod reader;
 mod records;
 
-pub use reader::{check_extent, load, parse};
+pub use reader::{load, parse};
 
 use crate::mapping::{RangeSample, sensor_poses};
 use crate::ros_messages::{
@@ -377,7 +377,7 @@ mod tests {
     }
 
     #[test]
-    fn recording_without_a_pose_or_beyond_any_picture_is_refused() {
+    fn recording_without_a_pose_is_refused() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("drive.mcap");
         let mut recorder = create(&path);
@@ -385,11 +385,5 @@ mod tests {
         recorder.finish(0, &Grid::new(25.0)).unwrap();
         let refused = load(&path).unwrap_err().to_string();
         assert!(refused.contains("no report of a pose"), "{refused}");
-        let extent = |x, y| check_extent([Pose::default(), Pose::new(x, y, 0.0)], 25.0, &path);
-        assert_eq!(extent(47_000.0, -47_000.0), Ok(()));
-        for (x, y) in [(48_000.0, 0.0), (0.0, -48_000.0)] {
-            let refused = extent(x, y).unwrap_err().to_string();
-            assert!(refused.contains("48 m from the start"), "{refused}");
-        }
     }
 }

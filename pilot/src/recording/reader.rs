@@ -8,7 +8,6 @@ use host_link::error::Error;
 use host_link::file;
 use host_link::pose::Pose;
 use host_link::settings::Settings;
-use mapper::map_plot;
 use mcap::MessageStream;
 use serde::de::DeserializeOwned;
 use std::path::Path;
@@ -35,24 +34,6 @@ pub fn load(path: &Path) -> Result<(Settings, Vec<RangeSample>), Error> {
     }
     let settings = text.map(|text| Settings::parse(&text, path));
     Ok((settings.unwrap_or_else(Settings::first_board)?, samples))
-}
-
-/// # Errors
-/// [`Error::Content`] for poses of `path` that a map of cells of `cell_mm` does not hold.
-pub fn check_extent(
-    poses: impl IntoIterator<Item = Pose>,
-    cell_mm: f64,
-    path: &Path,
-) -> Result<(), Error> {
-    let farther_mm = |far: f64, pose: Pose| far.max(pose.x_mm.abs()).max(pose.y_mm.abs());
-    let far_m = poses.into_iter().fold(0.0, farther_mm) / 1000.0;
-    let most_m = f64::from(map_plot::MAX_SIDE_CELLS / 2 - 100) * cell_mm / 1000.0;
-    if far_m <= most_m {
-        return Ok(());
-    }
-    let accepted = format!("with cells of {cell_mm} mm (--cell) accepted are {most_m:.0} m");
-    let what = format!("it goes {far_m:.0} m from the start; {accepted}");
-    Err(Error::content(path, None, what))
 }
 
 /// The settings file and the reports among a recording's bytes.

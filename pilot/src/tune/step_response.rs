@@ -1,6 +1,7 @@
 //! Step responses: constant duty for a bounded time and travel, rest in between, the log recorded. Every
 //! end commands zero percent and sends no further frame, so that the stop deadline holds the motors.
 
+use crate::drive::MAX_UNANSWERED;
 use crate::tune::samples::SampleRecorder;
 use fw_core::eeprom::Config;
 use host_link::error::Error;
@@ -21,10 +22,6 @@ pub struct StepPlan {
 
 /// Longest time one step may take, seconds.
 pub const LONGEST_S: f64 = 3.0;
-
-/// Frames in a row without a valid reply that end the steps: a fifth of a second at 40 Hz, less than
-/// the robot's own stop deadline.
-const MAX_UNANSWERED: u32 = 8;
 
 /// Time-out of the log, microseconds: in the tuning modes it has a sample every 10 ms.
 const LOG_TIMEOUT_US: u64 = 500_000;

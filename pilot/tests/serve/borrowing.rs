@@ -118,7 +118,7 @@ fn eeprom_write_of_a_vanished_borrower_is_undone() {
         assert!(done.bytes > 0);
         // Those who watch see the new one, too.
         assert_eq!(mode_of_frames(&mut io), Mode::GuardedNormal.name());
-        // After its reset the pose begins at the origin, and the map anew: the second that was announced.
+        // The reset returns the pose to zero, and a second map is announced.
         let (mut maps, begun) = (0, Instant::now());
         while maps < 2 {
             let message = onlooker.message().unwrap();

@@ -139,20 +139,14 @@ impl Stm32f411 {
         let stream = 1 << (controller * 8 + nth);
         let enables = register == 0 && value & 1 != 0;
         let name = if controller == 0 { "DMA1" } else { "DMA2" };
-        let (low, high) = (g::dma2::Register::Lisr, g::dma2::Register::Hisr);
-        let flags = self.registers(name).get(if nth < 4 { low } else { high });
-        let is_stale = flags >> [0, 6, 16, 22][(nth % 4) as usize] & 0x3D != 0;
-        // Seen as the items are set, since a pending request may move the first ones with EN.
-        if write && register == 4 && is_stale {
-            let slot = self.bus.slot_at(DMA1 + (controller << 10));
+        // Looked at as the items are set, since a pending request may move the first ones with EN.
+        if write && register == 4 && self.has_flags(name, nth) {
             let reason = "set up with flags of its last transfer, RM0383 9.3.17";
-            self.tell(now, slot.expect("a controller"), "SxCR", reason);
+            self.tell_stream(now, name, reason);
         }
         let rules = &mut self.rules;
         if write && rules.stopping & stream != 0 && (register != 0 || enables) {
-            let slot = self.bus.slot_at(DMA1 + (controller << 10));
-            let reason = "set up before EN was read as 0, RM0383 9.3.17";
-            self.tell(now, slot.expect("a controller"), "SxCR", reason);
+            self.tell_stream(now, name, "set up before EN was read as 0, RM0383 9.3.17");
         } else if write && enables {
             rules.enabled |= stream;
         } else if write && register == 0 && rules.enabled & stream != 0 {
@@ -166,6 +160,19 @@ impl Stm32f411 {
         } else if !write && register == 0 && !enables {
             rules.stopping &= !stream;
         }
+    }
+
+    /// Whether a flag of a controller's stream is set, RM0383 section 9.5.1.
+    fn has_flags(&self, controller: &str, nth: u64) -> bool {
+        let (low, high) = (g::dma2::Register::Lisr, g::dma2::Register::Hisr);
+        let register = if nth < 4 { low } else { high };
+        let place = [0, 6, 16, 22][(nth % 4) as usize];
+        self.registers(controller).get(register) >> place & 0x3D != 0
+    }
+
+    fn tell_stream(&mut self, now: VirtualNanos, controller: &str, reason: &'static str) {
+        let slot = self.bus.slot_of(controller).expect("a controller");
+        self.tell(now, slot, "SxCR", reason);
     }
 
     /// DS10314 table 14: 5 V only where no pull is on; the board's echoes come with 5 V.
