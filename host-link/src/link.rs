@@ -24,7 +24,14 @@ pub struct Link {
     /// Earliest begin of the next frame.
     due_us: u64,
     round_trip: RoundTrip,
+    /// The number of the last accepted reply, and how many frames had been sent by then.
+    last_reply: Option<(u8, u64)>,
+    /// A reply's number showed a restart of the STM.
+    pub(crate) restarted: bool,
 }
+
+/// So many chip-selects by interference make the STM number a reply without a frame of this end.
+const FALSE_SELECTS: u64 = 8;
 
 impl Link {
     /// The end for a configuration: its mode's chain, its keys, its cells.
@@ -38,6 +45,8 @@ impl Link {
             worst_transfer_us: 0,
             due_us: 0,
             round_trip: RoundTrip::default(),
+            last_reply: None,
+            restarted: false,
         }
     }
 
@@ -80,8 +89,20 @@ impl Link {
             if self.mode.has(Field::Sequence) {
                 self.round_trip.seen(report.sequence.seen, ended_us);
             }
+            self.check_number(report.sequence.own);
         }
         Ok(reply)
+    }
+
+    /// The STM numbers its replies from 1 after a reset, one a frame: a number ahead of the last one by more
+    /// than the frames sent since then, or behind it, is that of an STM that has restarted.
+    fn check_number(&mut self, number: u8) {
+        let before = self.last_reply.replace((number, self.frames));
+        let is_ahead = before.is_some_and(|(last, frames)| {
+            let ahead = u64::from(number.wrapping_sub(last));
+            ahead > self.frames - frames + FALSE_SELECTS
+        });
+        self.restarted |= is_ahead && self.mode.has(Field::Sequence);
     }
 
     /// Transfers a frame that another process has built, not before [`Self::due_us`]; the report, if the reply
@@ -97,7 +118,11 @@ impl Link {
         reply: &mut [u8],
     ) -> Result<Option<Report>, Error> {
         self.transfer(spi, clock, frame, reply)?;
-        Ok(self.end.receive(reply).ok())
+        let report = self.end.receive(reply).ok();
+        if let Some(report) = &report {
+            self.check_number(report.sequence.own);
+        }
+        Ok(report)
     }
 
     /// One frame, counted; the time of its end, which the next one's begin depends on.
@@ -207,6 +232,28 @@ fn round_trip_ends_at_first_confirming_reply() {
     trip.sent(0);
     trip.seen(1, 60);
     assert_eq!(trip.worst_us, None);
+}
+
+#[test]
+fn restart_shows_by_a_reply_number_beyond_the_frames_sent() {
+    for (before, sent, after, is_restart) in [
+        (0, 1, 1, false),
+        (250, 12, 6, false),
+        (5, 1, 14, false),
+        (5, 1, 15, true),
+        (100, 3, 1, true),
+        (200, 4, 1, true),
+        (2, 1, 1, true),
+    ] {
+        let mode = Mode::GuardedVelocity.code().into();
+        let image = fw_core::eeprom::Image::FIRST_BOARD.with(fw_core::eeprom::fields::MODE, mode);
+        let mut link = Link::new(&Config::decode(&image).unwrap());
+        link.check_number(before);
+        assert!(!link.restarted);
+        link.frames += sent;
+        link.check_number(after);
+        assert_eq!(link.restarted, is_restart, "{before} {sent} {after}");
+    }
 }
 
 #[test]

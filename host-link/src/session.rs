@@ -13,8 +13,9 @@ use crate::statistics::LinkStatistics;
 use crate::{eeprom, reset};
 use fw_core::binary64::Binary64;
 use fw_core::eeprom::Config;
-use fw_core::types::{Faults, Velocity};
+use fw_core::types::Faults;
 use fw_core::wire::{CellCode, Command, Field, Order, Report, State};
+pub use request::{CommandRequest, VelocityRequest};
 
 /// Default frames per second (document, 5.2.2: 40 Hz).
 // Requirement: DOC-5.2.2-5
@@ -22,48 +23,6 @@ pub const RATE_HZ: u32 = 40;
 
 /// Without a valid frame for this long the link counts as failed, microseconds.
 pub const SILENCE_TIMEOUT_US: u64 = 1_000_000;
-
-/// The command of one frame; [`Session`] adds the battery's cell and the sequence.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct CommandRequest {
-    /// Where to drive, if anywhere.
-    pub target: Option<Pose>,
-    /// Guarded modes.
-    pub order: Order,
-    /// Guarded modes: latched faults to clear.
-    pub clear_faults: Faults,
-    /// Tuning modes: duty, percent, −100 to 100.
-    pub percent: f64,
-    /// A cell and the reference voltage it is tuned to, instead of the cycle over the cells.
-    pub tune: Option<CellCode>,
-    /// Velocity mode: how to drive; none stands.
-    pub velocity: Option<VelocityRequest>,
-}
-
-/// A velocity to drive at, and what the front rangefinder looks at meanwhile.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct VelocityRequest {
-    /// Forward speed, millimetres a second; negative drives back.
-    pub forward_mm_s: f64,
-    /// Yaw rate, degrees a second, counter-clockwise; saturates at half a turn a second.
-    pub yaw_rate_deg_s: f64,
-    /// Half the width of the front rangefinder's sweep around straight ahead, degrees, up to 180; 0: none.
-    pub sweep_half_width_deg: f64,
-}
-
-impl VelocityRequest {
-    /// The nearest codes of the velocity and of the sweep.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // `as` saturates
-    fn code(self) -> (Velocity, u16) {
-        let turns = |degrees: f64, per_turn: f64| (degrees / 360.0 * per_turn).round();
-        let velocity = Velocity {
-            forward: (self.forward_mm_s * 1000.0).round() as i32,
-            yaw_rate: turns(self.yaw_rate_deg_s, 4_294_967_296.0) as i32,
-        };
-        let sweep = turns(self.sweep_half_width_deg, 65_536.0).min(32_768.0);
-        (velocity, sweep as u16)
-    }
-}
 
 /// A session over one [`BoardIo`].
 pub struct Session<'m> {
@@ -143,9 +102,14 @@ impl<'m> Session<'m> {
         let (spi, clock) = (&mut *self.io.spi, &mut *self.io.clock);
         let report = self.link.relay(spi, clock, frame, &mut reply)?;
         if let Some(report) = &report {
-            self.snapshot.update(now_us, report, self.link.statistics());
+            self.take_over(now_us, report);
         }
         Ok((reply, report))
+    }
+
+    fn take_over(&mut self, now_us: u64, report: &Report) {
+        self.snapshot.update(now_us, report, self.link.statistics());
+        self.snapshot.restarted |= std::mem::take(&mut self.link.restarted);
     }
 
     /// The configuration both ends work by.
@@ -204,9 +168,9 @@ impl<'m> Session<'m> {
             Ok(report) => {
                 self.last_good_us = now_us;
                 self.unanswered = 0;
-                let statistics = self.link.statistics();
-                self.start.update(statistics.frames, report.faults);
-                self.snapshot.update(now_us, &report, statistics);
+                self.start
+                    .update(self.link.statistics().frames, report.faults);
+                self.take_over(now_us, &report);
                 let checked = self.mode_check.update(&report);
                 checked.map_err(|why| self.mode_mismatch(why))?;
                 Ok(Some(report))
@@ -395,6 +359,8 @@ const RESUME_FRAMES: usize = 40;
 
 /// Frames of the stop. At 40 Hz a quarter of a second, in which the robot comes to rest.
 const STOP_FRAMES: usize = 10;
+
+mod request;
 
 #[cfg(test)]
 mod tests;

@@ -106,16 +106,39 @@ pub fn only_an_explicit_command_resumes(
     given!(supervisor.halted());
     supervisor.on_fresh(fresh, intent);
     let permit = supervisor.on_tick(fresh.after(after), true, true);
-    let command = match intent.order {
-        Order::Resume => true,
-        Order::None => intent.resumes,
-        Order::Stop => false,
-    };
+    let command = resumes(&intent);
     let blocked = supervisor.faults().intersects(Faults::BLOCKING);
     if !command || blocked {
         assert!(permit == AllowedMotion::Brake);
     }
     seen!(permit == AllowedMotion::Drive, !command, command && blocked)
+}
+
+/// A restarted firmware stands, whatever the first frame clears, unless that frame resumes it.
+// Requirement: WIRE-safe-2
+pub fn restarted_robot_stands_until_resumed(
+    deadline: u16,
+    fresh: Micros,
+    first: SupervisorCommand,
+    after: u32,
+) -> Seen {
+    let mut supervisor = Supervisor::new(StopDeadline::new(Milliseconds(deadline)));
+    supervisor.raise(Faults::RESTARTED);
+    supervisor.on_fresh(fresh, first);
+    let permit = supervisor.on_tick(fresh.after(after), true, true);
+    let command = resumes(&first);
+    assert!(permit == AllowedMotion::Brake || command);
+    let cleared = !supervisor.faults().intersects(Faults::RESTARTED);
+    seen!(
+        permit == AllowedMotion::Drive,
+        !command && cleared,
+        first.order == Order::Stop
+    )
+}
+
+/// Whether a frame tells a stopped robot to go on.
+fn resumes(command: &SupervisorCommand) -> bool {
+    command.order == Order::Resume || (command.order == Order::None && command.resumes)
 }
 
 /// A blocking fault brakes even if it is cleared before the next tick: like any stop it ends with an
@@ -227,6 +250,13 @@ crate::properties! {
         cases ["resumed", "no command", "a command against a fault"];
         kani proof [unwind(4)];
         sampled 500_000;
+    }
+    theorem T8 restarted_robot_stands_until_resumed(
+        deadline: u16, fresh: Micros, first: SupervisorCommand, after: u32
+    ) {
+        cases ["resumed", "cleared alone", "stopped"];
+        kani proof [unwind(4)];
+        sampled 100_000;
     }
     theorem T8 fault_brakes_even_if_cleared_at_once(
         past: Past, raised: Faults, fresh: Micros, clear_faults: Faults, after: u32
