@@ -9,12 +9,11 @@ use crate::priority::{FrameEnd, Owned, Slot};
 use crate::rangefinders::{self, Echo};
 use crate::spi::{Claim, SpiSlave};
 use crate::uart::Uart;
-use crate::{adc, clock, fault_injection, leds, servo, tick, watchdog};
+use crate::{adc, fault_injection, leds, servo, tick, watchdog};
 use cortex_m::interrupt::free;
 use fw_core::eeprom::Config;
 use fw_core::log::Log;
 use fw_core::robot::{ReceivedFrame, Robot, TickInput};
-use fw_core::types::Faults;
 
 /// What the robot's priority owns.
 pub static APP: Owned<2, App> = Owned::new(App {
@@ -177,10 +176,6 @@ impl Drivers {
         }
         if let Some(which) = outputs.trigger {
             rangefinders::trigger(which);
-        }
-        // Requirement: WIRE-fault-14
-        if clock::supply_is_low() {
-            robot.raise(Faults::SUPPLY_LOW, log);
         }
         if let Some((sensor, reference)) = adc::temperature() {
             robot.on_temperature(sensor, reference, log);

@@ -90,7 +90,7 @@ fn boot(app: &mut App) {
     let crystal_khz = crystal::measure();
     watchdog::feed();
     let Some(source) = clock::start(crystal::FITS.contains(&crystal_khz)) else {
-        safe_state::halt(b"\nE: no clock, motors off\n");
+        safe_state::halt(b"no clock");
     };
     watchdog::feed();
     time::start();

@@ -53,7 +53,7 @@ pub fn read(image: &mut Image, log: &mut Log, mut idle: impl FnMut(&mut Log)) ->
         if error != Error::NoAcknowledge {
             if !recovered {
                 recovered = true;
-                log.text(Level::Warn, "I2C stuck, clocking the slave out");
+                log.text(Level::Warn, "I2C stuck, clocking it free");
             }
             i2c::recover();
         }

@@ -210,7 +210,7 @@ impl Error {
         match self {
             Self::Busy => "I2C held low",
             Self::NoAcknowledge => "EEPROM 0x50 does not answer",
-            Self::Stuck => "I2C transfer got stuck",
+            Self::Stuck => "I2C transfer stuck",
         }
     }
 }

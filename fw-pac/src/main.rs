@@ -97,7 +97,7 @@ fn start_hardware(log: &mut Log) -> (Start, Uart) {
     watchdog::start();
     leds::start(fw_core::robot::leds(State::Booting));
     let Some(clock) = clock::start(true) else {
-        safe_state::halt(b"\nE: no clock, motors off\n");
+        safe_state::halt(b"no clock");
     };
     watchdog::feed();
     time::start();

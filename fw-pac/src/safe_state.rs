@@ -29,21 +29,23 @@ pub fn outputs_off() {
     READY.output(Driver::PushPull);
 }
 
-/// Enters the safe state. `why` is one line of ASCII with its line feed.
+/// Enters the safe state. `why` the last line says, ASCII.
 // Requirement: WIRE-safe-1
 pub fn halt(why: &[u8]) -> ! {
     cortex_m::interrupt::disable();
     // A fault may come before boot does it.
     outputs_off();
     leds::show(robot::leds(State::Faulted));
+    uart::write_blocking(b"\nE: ");
     uart::write_blocking(why);
+    uart::write_blocking(b", motors off\n");
     cortex_m::asm::delay(WATCHDOG_POLLS);
     SCB::sys_reset()
 }
 
 #[panic_handler]
 fn panic(_: &PanicInfo) -> ! {
-    halt(b"\nE: panic, motors off\n")
+    halt(b"panic")
 }
 
 #[exception]
@@ -51,18 +53,18 @@ unsafe fn NonMaskableInt() -> ! {
     // Otherwise the NMI stays pending and is taken again after the reset.
     RCC::registers().cir().modify(|_, w| w.cssc().set_bit());
     uart::slow_down();
-    halt(b"\nE: crystal failed, motors off\n")
+    halt(b"crystal failed")
 }
 
 // Requirement: WIRE-safe-1
 #[exception]
 fn SysTick() -> ! {
-    halt(b"\nE: no tick, motors off\n")
+    halt(b"no tick")
 }
 
 #[exception]
 unsafe fn DefaultHandler(_: i16) -> ! {
-    halt(b"\nE: unexpected interrupt, motors off\n")
+    halt(b"unexpected interrupt")
 }
 
 // After a stack overflow a push within HardFault is lockup, so the handler first resets the stack
@@ -82,5 +84,5 @@ core::arch::global_asm!(
 );
 
 extern "C" fn hard_fault() -> ! {
-    halt(b"\nE: HardFault, motors off\n")
+    halt(b"HardFault")
 }

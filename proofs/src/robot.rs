@@ -56,7 +56,13 @@ pub fn first_sample_moves_nothing(
 ) -> Seen {
     given!(let Some(config) = values.config());
     let mut log = Log::<1024>::new();
-    let first = TickInput { now, left, right };
+    let at_rest = TickInput::default();
+    let first = TickInput {
+        now,
+        left,
+        right,
+        ..at_rest
+    };
     let mut robot = Robot::new(&config, first);
     let outputs = robot.on_tick(first, &[], &mut log);
     assert!(robot.pose() == Pose::default());
@@ -65,7 +71,7 @@ pub fn first_sample_moves_nothing(
     let next = TickInput {
         now: now.after(10_000),
         left: left.wrapping_add(rolled.into()),
-        right,
+        ..first
     };
     let _ = robot.on_tick(next, &[], &mut log);
     assert!((robot.pose() == Pose::default()) == (rolled == 0));

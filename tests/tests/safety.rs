@@ -86,6 +86,7 @@ fn supply_below_threshold_stops_motors() {
     assert!(!rig.motors_off(), "{}", rig.log());
     rig.set_supply(2_600);
     assert!(rig.run_until(11_000, 100, |_| rig.motors_off()));
+    rig.run_us(10_000);
     rig.set_supply(3_300);
     stays_off(&rig, "supply low: motors off");
 }

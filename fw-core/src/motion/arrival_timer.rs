@@ -8,11 +8,12 @@ const BASE_TICKS: u64 = 1000;
 const PACE: u32 = 26_843_545;
 
 /// Counts the ticks of a motion. It has 10 s, and the time in which the slower wheel rolls, at a quarter
-/// of its full speed, the way along x, along y and four tracks for its turns: on the first board 25 s
-/// and 30 s a metre. The time does not run while the obstacle stop holds it below that speed.
+/// of its full speed or at the speed allowed in reverse, the way along x, along y and four tracks for its
+/// turns: on the first board 25 s and 30 s a metre. The time does not run while the obstacle stop holds
+/// it below that speed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ArrivalTimer {
-    /// A quarter of the slower wheel's full speed, µm/s.
+    /// A quarter of the slower wheel's full speed, or the reverse speed, µm/s.
     pub speed: i32,
     /// Ticks per micrometre, 2⁻²⁶.
     pub pace: u32,
@@ -26,7 +27,13 @@ impl ArrivalTimer {
     /// Without a motion.
     pub fn new(config: &Config) -> Self {
         let speed = config.left().full_speed_mm_s;
-        let slower = speed.min(config.right().full_speed_mm_s).max(1);
+        let slower = speed.min(config.right().full_speed_mm_s);
+        // Without one nothing is driven in reverse.
+        let slower = match config.obstacle_stop().reverse_speed_mm_s {
+            0 => slower,
+            reverse => slower.min(reverse * 4),
+        };
+        let slower = slower.max(1);
         Self {
             speed: i32::from(slower) * 250,
             pace: PACE / u32::from(slower),
@@ -88,11 +95,12 @@ mod tests {
     // Requirement: WIRE-fault-15
     #[test]
     fn timer_allows_quarter_speed_on_way_and_turns() {
-        let timer = |left, right, track_um| {
+        let timer = |left, right, track_um, reverse| {
             ArrivalTimer::new(&config_with(&[
                 (fields::FULL_SPEED_LEFT, left),
                 (fields::FULL_SPEED_RIGHT, right),
                 (fields::TRACK, track_um),
+                (fields::REVERSE_SPEED, reverse),
             ]))
         };
         for (mut timer, way, seconds) in [
@@ -103,14 +111,15 @@ mod tests {
                 [1_500_000, 500_000],
                 84.63,
             ),
-            (timer(500, 400, 100_000), [250_000, 350_000], 20.0),
-            (timer(400, 500, 100_000), [600_000, 0], 20.0),
-            (timer(5_000, 5_000, 1_000_000), [0, 1_000_000], 14.0),
+            (timer(500, 400, 100_000, 0), [250_000, 350_000], 20.0),
+            (timer(400, 500, 100_000, 2000), [600_000, 0], 20.0),
+            // The speed in reverse is less.
+            (timer(5_000, 5_000, 1_000_000, 50), [0, 1_000_000], 110.0),
         ] {
             let found = f64::from(ticks(&mut timer, way)) / 100.0;
             assert!((found - seconds).abs() < 0.02, "{way:?}: {found} s");
         }
-        let mut slowest = timer(1, 1, 2_000_000);
+        let mut slowest = timer(1, 1, 2_000_000, 50);
         assert!(!slowest.step(true, false, || [u32::MAX; 2]));
         assert_eq!(slowest.left, 3_439_174_759);
     }

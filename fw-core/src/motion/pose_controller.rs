@@ -288,13 +288,14 @@ impl PoseController {
         }
     }
 
-    /// Chooses nose or tail first.
+    /// Chooses nose or tail first, the nose where no speed in reverse is allowed.
     fn approach(&mut self, error: &TrackingError, pose: &Pose) {
         self.state.settled_ticks = 0;
         // In reverse either turn is half a turn less the nose's: less in all where these sum to more.
         let nose = error.bearing(false);
         let turns = i64::from(nose).abs() + i64::from(error.heading.wrapping_sub(nose)).abs();
-        let reverse = error.within(MAX_REVERSE) && turns > HALF_TURN;
+        let may_reverse = self.allowed.0 < I16F16::ZERO;
+        let reverse = may_reverse && error.within(MAX_REVERSE) && turns > HALF_TURN;
         self.state.phase = if error.within(FINAL_APPROACH) {
             Self::final_approach(error, pose, reverse)
         } else {

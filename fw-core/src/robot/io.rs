@@ -12,6 +12,8 @@ pub struct TickInput {
     pub left: u32,
     /// TIM3's counter.
     pub right: u16,
+    /// The STM's supply is below the detector's threshold.
+    pub supply_low: bool,
 }
 
 /// A frame that the SPI slave received.

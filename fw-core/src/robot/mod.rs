@@ -127,7 +127,7 @@ impl Robot {
         self.raise(faults, log);
 
         self.battery.sample(adc_words);
-        self.raise(battery_faults(&self.battery), log);
+        self.raise(power_faults(&self.battery, input.supply_low), log);
         // Not logged: the log reports dropped lines itself once there is room.
         // Requirement: WIRE-fault-10
         if self.dropped_lines != log.dropped() {
@@ -378,9 +378,12 @@ impl Robot {
     }
 }
 
-// Requirement: WIRE-fault-3, WIRE-fault-4
-const fn battery_faults(battery: &Battery) -> Faults {
+// Requirement: WIRE-fault-3, WIRE-fault-4, WIRE-fault-14
+const fn power_faults(battery: &Battery, supply_low: bool) -> Faults {
     let mut faults = Faults::NONE;
+    if supply_low {
+        faults = faults.union(Faults::SUPPLY_LOW);
+    }
     if battery.low() {
         faults = faults.union(Faults::BATTERY_LOW);
     }

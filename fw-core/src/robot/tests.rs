@@ -42,6 +42,7 @@ impl Bench {
             now: Micros(u32::MAX - 5 * TICK_US),
             left: 7,
             right: 65_530,
+            supply_low: false,
         };
         Self {
             robot: Robot::new(&config, sample),

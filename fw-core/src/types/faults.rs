@@ -53,7 +53,7 @@ faults! {
         "no fresh valid frame within the stop deadline", None;
     CLOCK_FALLBACK = 1, "clock-fallback", false, "fw-pac/src/main.rs",
         "the crystal did not start; the clock runs from the internal oscillator",
-        Some("no crystal: running from the internal oscillator");
+        Some("no crystal: internal oscillator");
     FRAME_REJECTED = 2, "frame-rejected", false, "fw-core/src/robot/mod.rs",
         "a frame was rejected or lost", None;
     BATTERY_LOW = 3, "battery-low", false, "fw-core/src/robot/mod.rs",
@@ -79,7 +79,7 @@ faults! {
         "a wheel slipped or the robot was turned by force: the heading followed the gyroscope", None;
     GYRO_LOST = 13, "gyro-lost", false, "fw-core/src/robot/slip_monitor.rs",
         "the configuration has a gyroscope and it is missing or unreliable: encoders alone", None;
-    SUPPLY_LOW = 14, "supply-low", true, "fw-pac/src/app.rs",
+    SUPPLY_LOW = 14, "supply-low", true, "fw-core/src/robot/mod.rs",
         "the supply of the STM fell below 2.7 V", Some("supply low: motors off");
     NOT_ARRIVED = 15, "not-arrived", true, "fw-core/src/robot/control.rs",
         "the robot did not reach its target in time", Some("not arrived in time");

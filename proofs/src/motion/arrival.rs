@@ -9,13 +9,19 @@ use fw_core::motion::ArrivalTimer;
 use crate::eeprom::accepted::AcceptedConfig;
 use crate::property::Seen;
 
-/// Ticks that the slower wheel's quarter of its full speed takes for a way along x and y and four tracks,
-/// and 10 s.
+/// Ticks that the slower wheel's quarter of its full speed, or the reverse speed if any, takes for a way
+/// along x and y and four tracks, and 10 s.
 pub fn stated_ticks(config: &Config, (x, y): (u32, u32)) -> u64 {
     let slower = config
         .left()
         .full_speed_mm_s
         .min(config.right().full_speed_mm_s);
+    let reverse = config.obstacle_stop().reverse_speed_mm_s;
+    let slower = if reverse == 0 {
+        slower
+    } else {
+        slower.min(4 * reverse)
+    };
     let way = u64::from(x) + u64::from(y) + 4 * u64::from(config.track().0);
     1000 + way * 400 / (1000 * u64::from(slower))
 }

@@ -312,7 +312,11 @@ impl Rig {
     /// A tick in which the wheels do as they like.
     pub fn tick(&mut self, events: &mut Events<'_>) {
         let (left, right) = (events.number(), events.number());
-        self.pass(left, right, events.byte(), 0);
+        let word = events.byte();
+        // Now and then for a tick.
+        self.sample.supply_low = word % 32 == 31;
+        self.pass(left, right, word, 0);
+        self.sample.supply_low = false;
     }
 
     /// A while in which the robot rests or turns evenly: a gyroscope wakes up, finds its zero, agrees with
@@ -374,6 +378,7 @@ impl Rig {
                 self.seen = self.seen.case(DROVE, true);
             }
         }
+        assert!(braked || !self.sample.supply_low);
         // Silence, from the last frame that was taken.
         let allowed = u32::from(self.config.stop_deadline().0) * 1000;
         let since_fresh = self.fresh.map(|fresh| self.now.since(fresh));

@@ -213,6 +213,7 @@ fn time_runs_while_the_obstacle_stop_does_not_hold_back() {
     let fast = [
         (fields::FULL_SPEED_LEFT, 400),
         (fields::FULL_SPEED_RIGHT, 400),
+        (fields::REVERSE_SPEED, 100),
     ];
     let mut bench = Bench::with(Mode::Normal, &fast);
     assert_eq!(given_up_after(&mut bench, &go(1000), |_| (2, 2)), 2499);

@@ -58,6 +58,20 @@ fn fault_is_latched_and_logged_once() {
     }
 }
 
+/// Though every frame clears the fault and resumes.
+// Requirement: WIRE-fault-14
+#[test]
+fn low_supply_brakes_every_tick_that_finds_it() {
+    let mut bench = Bench::new(Mode::GuardedTuneRotate);
+    let go = with_order(Order::Resume, clearing(Faults::SUPPLY_LOW, tune(50.0)));
+    for (supply_low, wheels) in [(false, true), (true, false), (true, false), (false, true)] {
+        bench.sample.supply_low = supply_low;
+        bench.frame(&go);
+        assert_eq!(runs(bench.tick()), wheels);
+        assert_eq!(bench.robot.faults() == Faults::SUPPLY_LOW, supply_low);
+    }
+}
+
 #[test]
 fn latched_fault_raised_again_changes_nothing() {
     let mut bench = Bench::new(Mode::GuardedNormal);

@@ -104,6 +104,16 @@ fn direction_of_travel_is_chosen_once() {
 }
 
 #[test]
+fn target_behind_is_approached_nose_first_without_a_reverse_speed() {
+    for (back, reverse) in [(I16F16::ZERO, false), (-I16F16::DELTA, true)] {
+        let mut controller = aimed(&gains(0.01, 1.0, 0.0), pose(-1000.0, 0.0, 0.0));
+        controller.allowed.0 = back;
+        let _ = controller.drive(&pose(0.0, 0.0, 0.0), &STILL);
+        assert_eq!(controller.state.phase, Phase::Approach { reverse });
+    }
+}
+
+#[test]
 fn rotation_has_priority_up_to_half_duty() {
     let controller = controller(10.0, 10.0);
     for (bearing, forward, rotation) in [
