@@ -15,6 +15,9 @@ pub(crate) const NO_WAY_MM: f64 = 1e6;
 /// there. mm.
 const DRIVEN_MM: f64 = 30.0;
 
+/// The cells of the robot's own maps, mm.
+const USUAL_CELL_MM: f64 = 25.0;
+
 /// Distances are computed in this fraction of a millimetre; none is beyond 65 m.
 const FRACTION: f64 = 16.0;
 const FARTHEST: u32 = 1 << 20;
@@ -367,7 +370,9 @@ impl<'a> Field<'a> {
         let index = number(point.x_mm - origin.x_mm, &self.columns)
             .zip(number(point.y_mm - origin.y_mm, &self.rows))
             .map(|(column, row)| self.index(column, row));
-        let distance_mm = |distance: u32| f64::from(distance) / FRACTION;
+        // From middle to middle of cells; what that hides at the usual cell is in the margins.
+        let hidden_mm = 1.2 * (cell_mm - USUAL_CELL_MM).max(0.0);
+        let distance_mm = |distance: u32| (f64::from(distance) / FRACTION - hidden_mm).max(0.0);
         Node {
             clearance_mm: index.map_or(f64::INFINITY, |index| distance_mm(self.clearance[index])),
             known_mm: index.map_or(0.0, |index| distance_mm(self.known[index])),

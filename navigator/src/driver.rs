@@ -81,7 +81,7 @@ pub(crate) struct Driver {
     pub follower: Option<Follower>,
     /// Clearance that the path keeps, mm.
     clearance_mm: f64,
-    marks: Vec<(f64, Point)>,
+    pub marks: Vec<(f64, Point)>,
     pub map: Option<CostMap>,
     checked_s: f64,
     pub rested_s: f64,
@@ -139,6 +139,12 @@ impl Driver {
         self.marks.retain(|&(since_s, _)| time_s - since_s < MARK_S);
         let marked = self.marks.iter().map(|&(_, point)| point);
         marked.chain(self.sight.unexplained()).collect()
+    }
+
+    /// Forgets the obstacles that are not in the map.
+    pub fn forget_marks(&mut self) {
+        self.marks.clear();
+        self.sight.forget_unexplained();
     }
 
     fn with_seen(&self, mut map: CostMap) -> CostMap {
@@ -249,8 +255,12 @@ impl Driver {
 
     /// Whether the heading is along the walls.
     fn is_aligned(&self, pose: &Pose2) -> bool {
-        let nearest_rad = walls::nearest_rad(pose.heading_rad, self.walls_rad(pose));
-        (pose.heading_rad - nearest_rad).abs() < ALIGNED_RAD
+        self.off_walls_rad(pose).abs() < ALIGNED_RAD
+    }
+
+    /// The heading's offset from the nearest of the walls' directions, radians.
+    fn off_walls_rad(&self, pose: &Pose2) -> f64 {
+        pose.heading_rad - walls::nearest_rad(pose.heading_rad, self.walls_rad(pose))
     }
 
     fn follow_path(&mut self, grid: &Grid, status: &Status) -> Option<Velocity> {
@@ -277,16 +287,16 @@ impl Driver {
                 return None;
             }
         }
-        let is_aligned = self.is_aligned(&pose);
+        let off_rad = self.off_walls_rad(&pose);
         let (Some(follower), Some(map)) = (&mut self.follower, &self.map) else {
             return None;
         };
-        if is_aligned && !self.config.sweeps_aside() {
+        if off_rad.abs() < ALIGNED_RAD && !self.config.sweeps_aside() {
             let ahead = follower.ahead(self.sight.slant_reach_mm() - SLANT.0)?;
             let driven = map.at(ahead).is_some_and(|node| node.driven);
             if !driven && !self.sight.is_slant_seen(ahead) {
                 let net_rad = self.trail.net_rad;
-                let turn = -SLANT.1.copysign(net_rad);
+                let turn = -SLANT.1.copysign(net_rad) - off_rad;
                 self.enqueue([Kind::Turn(net_rad + turn), Kind::Turn(net_rad)]);
                 return self.next_motion(status);
             }

@@ -16,6 +16,8 @@ use crate::{Action, Config, Outcome, Status, Velocity, walls};
 
 /// First rest: the gyro's first bias, s.
 const FIRST_REST_S: f64 = 2.0;
+/// At most this long until a sweep has come past straight ahead, s.
+const SWEEP_S: f64 = 3.0;
 /// First straight way: what calibrates wheels against the gyro before the first turn, mm, and the
 /// distance that it keeps from an echo, mm.
 const FIRST_WAY_MM: (f64, f64) = (300.0, 300.0);
@@ -66,6 +68,8 @@ pub struct Explorer {
     driver: Driver,
     goal: Goal,
     start: Option<Pose2>,
+    /// The first way waits for a look straight ahead until then, s.
+    sweep_until_s: f64,
     /// Targets that were looked at in vain, once per try.
     tries: Vec<Target>,
     /// Places on the way and the position's standard deviation there, mm.
@@ -90,6 +94,7 @@ impl Explorer {
             driver: Driver::new(config),
             goal: Goal::Begin,
             start: None,
+            sweep_until_s: 0.0,
             tries: Vec::new(),
             anchors: Vec::new(),
             returned_s: 0.0,
@@ -112,6 +117,7 @@ impl Explorer {
         let pose = status.estimate.pose;
         if self.start.is_none() {
             self.start = Some(pose);
+            self.sweep_until_s = status.time_s + FIRST_REST_S + SWEEP_S;
             self.driver.enqueue([Motion::Rest(FIRST_REST_S)]);
         }
         self.record(status);
@@ -160,9 +166,14 @@ impl Explorer {
 
     fn arrived(&mut self, grid: &Grid, status: &Status) {
         match self.goal {
+            // A sweep comes past straight ahead.
+            Goal::Begin if !status.looks_ahead() && status.time_s < self.sweep_until_s => {
+                self.driver.enqueue([Motion::Rest(0.01)]);
+            }
             Goal::Begin => {
                 let (most_mm, margin_mm) = FIRST_WAY_MM;
-                let room_mm = status.ranges_mm[0].map_or(most_mm / 2.0, |range| range - margin_mm);
+                let range_mm = status.ranges_mm[0].filter(|_| status.looks_ahead());
+                let room_mm = range_mm.map_or(most_mm / 2.0, |range| range - margin_mm);
                 if room_mm > 50.0 {
                     let way_mm = room_mm.min(most_mm);
                     self.driver

@@ -4,20 +4,30 @@ use geometry::Point;
 use mapper::Grid;
 
 use crate::driver::{Driver, Step};
+use crate::manoeuvre::Kind;
 use crate::planner::Reach;
 use crate::{Action, Config, Outcome, Status, Velocity};
 
 /// The reachable node taken for the target is at most this far from it, mm.
 const NEAR_MM: f64 = 100.0;
-/// Plans made before the target is given up.
+/// Plans made before the target is given up, unless they bring the robot nearer by so much, mm.
 const PLANS: u32 = 6;
+const NEARER_MM: f64 = 500.0;
+/// A way that is blocked is waited for so often, s each.
+const WAITS: (u32, f64) = (12, 5.0);
 
 /// Drives to a point, planning on the map.
 #[derive(Clone, Debug)]
 pub struct GoTo {
     driver: Driver,
     target: Point,
+    /// The plan is under way.
+    follows: bool,
     plans: u32,
+    /// Plans at which it gives up, and waits so far; as of the last time that it came nearer, to this, mm.
+    most_plans: u32,
+    waits: u32,
+    nearest_mm: f64,
 }
 
 impl GoTo {
@@ -26,7 +36,11 @@ impl GoTo {
         Self {
             driver: Driver::new(config),
             target,
+            follows: false,
             plans: 0,
+            most_plans: PLANS,
+            waits: 0,
+            nearest_mm: f64::INFINITY,
         }
     }
 
@@ -34,19 +48,44 @@ impl GoTo {
     pub fn step(&mut self, grid: &Grid, status: &Status) -> Action {
         match self.driver.step(grid, status) {
             Step::Act(action) => return action,
-            Step::Arrived if self.plans > 0 => return Action::Done(Outcome::Complete),
-            Step::Arrived | Step::Interrupted => self.plans += 1,
+            Step::Arrived if self.follows => return Action::Done(Outcome::Complete),
+            Step::Arrived | Step::Interrupted => self.follows = false,
         }
+        let left_mm = self.target.distance_mm(status.estimate.pose.position());
+        if left_mm < self.nearest_mm - NEARER_MM {
+            (self.most_plans, self.waits) = (self.plans + PLANS, 0);
+            self.nearest_mm = left_mm;
+        }
+        if self.plans == self.most_plans {
+            return Action::Done(Outcome::Unreachable);
+        }
+        if self.plan(grid, status) {
+            self.plans += 1;
+            return Action::Drive(Velocity::default());
+        }
+        // What is not in the map may go, and so may what came into it since there was a way.
+        let had_a_way = self.plans > 0;
+        self.driver.forget_marks();
+        if self.waits == WAITS.0 || !(had_a_way || self.plan(grid, status)) {
+            return Action::Done(Outcome::Unreachable);
+        }
+        self.waits += 1;
+        (self.follows, self.driver.follower) = (false, None);
+        self.driver.enqueue([Kind::Rest(WAITS.1)]);
+        Action::Drive(Velocity::default())
+    }
+
+    /// Sets out to the target, if a way leads there.
+    fn plan(&mut self, grid: &Grid, status: &Status) -> bool {
         let pose = status.estimate.pose;
         let map = self.driver.survey(grid, status.time_s);
         let reach = Reach::new(&map, &pose, self.driver.config.inflation_mm());
-        match reach.nearest(self.target, NEAR_MM) {
-            Some(node) if self.plans <= PLANS => {
-                self.driver.follow(&reach, node, status.time_s);
-                Action::Drive(Velocity::default())
-            }
-            _ => Action::Done(Outcome::Unreachable),
+        let node = reach.nearest(self.target, NEAR_MM);
+        if let Some(node) = node {
+            self.driver.follow(&reach, node, status.time_s);
+            self.follows = true;
         }
+        node.is_some()
     }
 }
 
@@ -109,6 +148,39 @@ mod tests {
         });
         let end_mm = x_mm(i32::try_from(done.expect("an end")).unwrap());
         assert!((1450.0..1550.0).contains(&end_mm), "{end_mm}");
+    }
+
+    #[test]
+    fn way_that_somebody_blocks_is_waited_for() {
+        let (open, closed) = (["...................."; 8], ["..........#........."; 8]);
+        for (gone_s, expected) in [(50.0, None), (150.0, Some(Outcome::Unreachable))] {
+            let mut plan = GoTo::new(Config::default(), Point::new(1500.0, 400.0));
+            let mut ended = None;
+            for second in 0..100 {
+                let report = status(f64::from(second), Pose2::new(700.0, 400.0, 0.0));
+                let stands = (4.0..gone_s).contains(&report.time_s);
+                let grid = draw(if stands { &closed } else { &open });
+                if let Action::Done(outcome) = plan.step(&grid, &report) {
+                    ended = Some(outcome);
+                }
+            }
+            assert_eq!(ended, expected, "{gone_s}");
+            assert_eq!(plan.follows, ended.is_none());
+        }
+    }
+
+    #[test]
+    fn mark_that_closes_the_way_is_tried_again() {
+        let mut plan = GoTo::new(Config::default(), Point::new(1500.0, 400.0));
+        let closed = (0..17).map(|nth| (0.0, Point::new(1000.0, 50.0 * f64::from(nth))));
+        plan.driver.marks.extend(closed);
+        let grid = draw(&["...................."; 8]);
+        for (time_s, follows) in [(0.0, false), (2.0, false), (2.1, false), (7.2, true)] {
+            let report = status(time_s, Pose2::new(700.0, 400.0, 0.0));
+            let action = plan.step(&grid, &report);
+            assert!(matches!(action, Action::Drive(_)));
+            assert_eq!(plan.follows, follows, "{time_s}");
+        }
     }
 
     #[test]

@@ -103,6 +103,16 @@ pub struct Status {
     pub stop: Option<StopReason>,
 }
 
+impl Status {
+    /// Whether the front sensor looks straight ahead, as far as the obstacle stop takes it to.
+    fn looks_ahead(&self) -> bool {
+        self.front_bearing_rad.abs() < AHEAD_RAD
+    }
+}
+
+/// 15°, radians.
+const AHEAD_RAD: f64 = 0.262;
+
 /// What to do until the next frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Action {

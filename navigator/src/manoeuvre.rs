@@ -60,6 +60,7 @@ impl Manoeuvre {
             Kind::Straight(mm) => {
                 let done = pose.relative_to(&from).x_mm;
                 let near = status.ranges_mm[0].is_some_and(|range| range < NEAR_MM);
+                let near = near && status.looks_ahead();
                 let blocked = mm > 0.0 && (near || status.obstacle_limited && elapsed_s > 0.5);
                 let left = (mm - done) * mm.signum();
                 let fastest = if mm < 0.0 {
@@ -161,10 +162,13 @@ pub(crate) mod tests {
             assert_eq!(velocity(ahead, &status, 0.0), None);
             assert!(velocity(back, &status, 0.0).is_some());
         }
+        // A sweep hears what is aside.
+        let mut aside = near;
+        aside.front_bearing_rad = -0.3;
         near.ranges_mm = [Some(235.0), None, None];
         // It may only have begun to drive.
         limited.time_s = 0.4;
-        for status in [near, limited] {
+        for status in [near, aside, limited] {
             assert!(velocity(ahead, &status, 0.0).is_some());
         }
     }

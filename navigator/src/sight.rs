@@ -271,6 +271,11 @@ impl Sight {
         })
     }
 
+    /// Forgets the echoes that the map does not explain.
+    pub fn forget_unexplained(&mut self) {
+        self.echoes.clear();
+    }
+
     /// Places from which echoes came that the map does not explain.
     pub fn unexplained(&self) -> impl Iterator<Item = Point> + '_ {
         self.echoes.iter().map(|&(_, point)| point)
@@ -279,7 +284,7 @@ impl Sight {
 
 fn is_occupied_near(grid: &Grid, point: Point, within_mm: f64) -> bool {
     let cell_mm = grid.cell_mm();
-    let reach = (within_mm / cell_mm).floor();
+    let reach = (within_mm / cell_mm).floor().max(1.0);
     let mut dy = -reach;
     while dy <= reach {
         let mut dx = -reach;

@@ -66,8 +66,9 @@ mod tests {
         assert!((trail.reversible_mm() - 200.0).abs() < 1e-9);
         trail.observe(&Pose2::new(120.0, 0.0, 0.0));
         assert!((trail.reversible_mm() - 120.0).abs() < 1e-9);
-        trail.observe(&Pose2::new(120.0, 0.0, 0.5));
+        trail.observe(&Pose2::new(120.0, 0.0, 0.15));
         assert!(trail.reversible_mm() < 1e-9);
+        trail.observe(&Pose2::new(120.0, 0.0, 0.5));
         assert_eq!(trail.points.len(), 5);
         let turned = Pose2::new(120.0, 0.0, 0.5);
         for (mm, back_mm) in [(100.0, 100.0), (400.0, FARTHEST_BACK_MM)] {

@@ -93,8 +93,8 @@ fn uncertain_robot_returns_to_known_place() {
     };
     let run = explore(&Room::two_rooms(), 106, config, &mut mapping, |_| None);
     assert_eq!(run.outcome, Some(Outcome::Complete));
-    // 60 mm; 177 mm without a return.
-    assert!(mapping.worst_mm < 100.0, "{}", mapping.worst_mm);
+    // Seeds 100 to 107: 57 to 128 mm, 159 to 258 without a return.
+    assert!(mapping.worst_mm < 140.0, "worst {}", mapping.worst_mm);
 }
 
 // Requirement: NAV-recovery-1

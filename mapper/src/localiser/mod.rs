@@ -68,6 +68,8 @@ pub struct Localiser {
     /// motion of the last frame and its duration, s.
     dead_reckoning: Pose2,
     motion: (Pose2, f64),
+    /// No wheel has turned since the last report.
+    rests: bool,
     /// Way since the end of the last stretch, turns included, mm.
     way_mm: f64,
     trace: Vec<Pose2>,
@@ -129,6 +131,7 @@ impl Localiser {
             last: None,
             dead_reckoning: Pose2::default(),
             motion: (Pose2::default(), 1.0),
+            rests: false,
             way_mm: 0.0,
             trace: Vec::new(),
             tracks: Default::default(),
@@ -156,6 +159,8 @@ impl Localiser {
         let motion = self.ekf.advance(&increment);
         self.dead_reckoning = self.dead_reckoning.compose(&motion);
         self.motion = (motion, increment.time_s.max(1e-3));
+        // By the wheels: a gyroscope is never quite still.
+        self.rests = between == Pose2::default();
         self.way_mm += motion.position().length_mm();
         self.way_mm += motion.heading_rad.abs() * 100.0 / TURN_PER_100_MM;
         let here = self.dead_reckoning;
@@ -208,7 +213,7 @@ impl Localiser {
         if !near {
             track.readings.push(Reading { sensor, range_mm });
             // A swept beam sees new ground with the robot at rest.
-            if motion == Pose2::default() {
+            if self.rests {
                 self.way_mm += self.config.stretch_mm / LOOK;
             }
         }

@@ -160,7 +160,7 @@ fn body_frees_unknown_cells_around_the_way_and_marks_occupy() {
         let expected = match grid.cell(column, row) {
             _ if marks.iter().any(|mark| mark.distance_mm(at) <= 25.0) => Cell::Occupied,
             Cell::Unknown if at.distance_mm(way) <= 120.0 => Cell::Free,
-            _ if at.distance_mm(way) <= DRIVEN_MM => Cell::Free,
+            _ if at.distance_mm(way) <= 30.0 => Cell::Free,
             cell => cell,
         };
         assert_eq!(field.cells[index], expected, "{at:?}");
@@ -168,6 +168,28 @@ fn body_frees_unknown_cells_around_the_way_and_marks_occupy() {
     for (index, node) in map.nodes.iter().enumerate() {
         let is_near = map.point(index).distance_mm(way) <= DRIVEN_MM + 0.5 * STEP_MM;
         assert_eq!((node.driven, node.seen), (is_near, is_near));
+    }
+}
+
+#[test]
+fn coarse_cells_hide_a_part_of_the_clearance() {
+    let of_cells = |cell_mm: f64| {
+        let (low, high) = (Point::new(0.0, 0.0), Point::new(999.0, 999.0));
+        let wall = |point: Point| if point.x_mm > 900.0 { 4.0 } else { -4.0 };
+        let grid = Grid::from_fn(cell_mm, low, high, wall);
+        let map = CostMap::new(&grid, 0.0, &[], (&[], 100.0));
+        map.at(Point::new(500.0, 500.0))
+            .expect("on the grid")
+            .clearance_mm
+    };
+    let usual_mm = of_cells(25.0);
+    for (cell_mm, hidden_mm) in [(50.0, 30.0), (100.0, 90.0)] {
+        let found_mm = usual_mm - of_cells(cell_mm);
+        // A cell's middle is farther from the wall, or not.
+        assert!(
+            (found_mm - hidden_mm).abs() <= cell_mm,
+            "{cell_mm}: {found_mm}"
+        );
     }
 }
 

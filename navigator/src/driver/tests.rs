@@ -53,6 +53,7 @@ fn unexplained_echo_ends_a_path_only_nearby() {
         frame(0.5);
         let step = frame(look_s);
         assert_eq!(step != Step::Interrupted, goes_on, "{range_mm:?}: {step:?}");
+        assert_eq!(driver.follower.is_some(), goes_on);
         let at = Point::new(850.0, 100.0);
         let known = driver.map.as_ref().and_then(|map| map.at(at)).unwrap().cell;
         assert_eq!(known != draw(later).cell_at(at), later != open && goes_on);
@@ -203,7 +204,7 @@ fn close_echo_limits_speed_and_is_what_stops() {
         let [Kind::Turn(facing), Kind::Straight(away_mm)] = queue(&driver)[..] else {
             panic!("{:?}", queue(&driver));
         };
-        let about = wrap_angle(66f64.atan2(178.0) + PI + TURN_MORE_RAD * f64::from(in_vain));
+        let about = wrap_angle(66f64.atan2(178.0) + PI + 0.7 * f64::from(in_vain));
         assert!((facing - 0.3).abs() <= PI && wrap_angle(facing - 0.3 - about).abs() < 1e-9);
         assert!((away_mm - BACK_MM).abs() < 1e-9);
     }
@@ -246,6 +247,8 @@ fn stop_marks_its_place_and_goes_back_within_what_was_driven() {
             Step::Arrived
         );
         assert!(driver.held);
+        driver.step(&grid, &status(0.55, pose(way_mm + 90.0)));
+        assert!(driver.held, "it was pushed");
         driver.step(&grid, &status(0.6, pose(way_mm + 100.0)));
         assert!(!driver.held, "it has left the place");
         // The marks are obstacles for a while.
@@ -300,7 +303,9 @@ fn robot_that_does_not_move_is_blocked_after_a_second() {
 fn robot_without_sweep_looks_for_slanted_walls_first() {
     for (sweep_half_width_rad, heading_rad, net_rad, expected) in [
         (0.0, 0.0, 2.0, Some(1.2)),
-        (0.0, 0.2, -2.0, Some(-1.2)),
+        // To half-way between the walls, whichever side of one the heading is on.
+        (0.0, 0.2, -2.0, Some(-1.4)),
+        (0.0, 0.28, 2.0, Some(0.92)),
         // Not along the walls.
         (0.0, 0.5, 2.0, None),
         (1.0, 0.0, 2.0, None),

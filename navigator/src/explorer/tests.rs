@@ -269,7 +269,7 @@ fn late_explorer_goes_home_and_lost_one_gives_up() {
 
 #[test]
 fn held_robot_turns_away_before_it_goes_home_or_gives_up() {
-    for (start_y_mm, choices) in [(1000.0, LEAVES), (400.0, 2 * LEAVES)] {
+    for (start_y_mm, choices) in [(1000.0, 4), (400.0, 8)] {
         let (mut explorer, status) = explorer();
         explorer.start = Some(Pose2::new(500.0, start_y_mm, 0.0));
         let mut turns = Vec::new();
@@ -277,11 +277,11 @@ fn held_robot_turns_away_before_it_goes_home_or_gives_up() {
             explorer.driver.held = true;
             explorer.driver.queue.clear();
             explorer.choose(&room(&[]), &status);
-            assert_eq!(matches!(explorer.goal, Goal::Choose), nth < LEAVES, "{nth}");
+            assert_eq!(matches!(explorer.goal, Goal::Choose), nth < 4, "{nth}");
             turns.extend(queue(&explorer).first().copied());
         }
         turns.dedup();
-        assert_eq!(turns.len(), LEAVES as usize, "{turns:?}");
+        assert_eq!(turns.len(), 4, "{turns:?}");
         explorer.driver.held = true;
         explorer.choose(&room(&[]), &status);
         assert!(matches!(explorer.goal, Goal::Finish(Outcome::Unreachable)));
@@ -308,13 +308,51 @@ fn way_home_that_stays_blocked_is_given_up() {
         for step in 0..30 {
             assert_eq!(interrupt(5000.0 - 110.0 * f64::from(step)), None);
         }
-        for _ in 0..HOME_TRIES {
+        for _ in 0..8 {
             assert_eq!(interrupt(1800.0), None);
         }
-        for _ in 0..=HOME_TRIES {
-            assert_eq!(interrupt(1600.0), None);
+        // A few millimetres are none.
+        for nth in 0..=8 {
+            assert_eq!(interrupt(1600.0 - 5.0 * f64::from(nth)), None);
         }
-        assert_eq!(interrupt(1600.0), Some(expected));
+        assert_eq!(interrupt(1550.0), Some(expected));
+    }
+}
+
+#[test]
+fn first_way_is_as_long_as_a_look_straight_ahead_allows() {
+    let config = Config {
+        sweep_half_width_rad: 1.0,
+        ..Config::default()
+    };
+    for (ahead_at_s, way_mm) in [(2.5, 300.0), (60.0, 150.0)] {
+        let mut explorer = Explorer::new(config.clone());
+        let mut report = status(0.0, Pose2::new(500.0, 1000.0, 0.0));
+        let way = (0..400).find_map(|frame| {
+            report.time_s = 0.025 * f64::from(frame);
+            // A wall near aside.
+            let (range_mm, bearing_rad) = if report.time_s < ahead_at_s {
+                (400.0, 0.9)
+            } else {
+                (1500.0, 0.1)
+            };
+            report.ranges_mm[0] = Some(range_mm);
+            report.front_bearing_rad = bearing_rad;
+            explorer.step(&room(&[]), &report);
+            let queue = queue(&explorer);
+            queue
+                .contains(&Motion::Turn(FRAC_PI_2))
+                .then_some((queue, report.time_s))
+        });
+        let (queue, time_s) = way.expect("a first way");
+        assert_eq!(
+            queue[..2],
+            [Motion::Straight(way_mm), Motion::Straight(-way_mm)]
+        );
+        assert!(
+            (time_s - ahead_at_s).abs() < 0.1 || (time_s - 5.0).abs() < 0.1,
+            "{time_s}"
+        );
     }
 }
 

@@ -71,7 +71,14 @@ fn way_is_blocked_by_echoes_before_the_body_alone() {
 #[test]
 fn slanted_walls_are_seen_half_way_between_the_walls_directions() {
     let (grid, config) = (draw(&["....."; 5]), Config::default());
-    for (heading_rad, looks) in [(0.3, false), (0.7, true), (-0.9, true), (1.2, false)] {
+    let directions = [
+        (0.3, false),
+        (0.5, false),
+        (0.7, true),
+        (-0.9, true),
+        (1.2, false),
+    ];
+    for (heading_rad, looks) in directions {
         let mut sight = Sight::default();
         let status = status(0.0, Pose2::new(100.0, 100.0, heading_rad));
         sight.observe(&status, &config, &grid, 0.0);
@@ -106,7 +113,7 @@ fn contact_of_close_echo_is_where_body_touches_it() {
 
 #[test]
 fn floor_counts_as_seen_through_along_walls_alone() {
-    for (heading_rad, seen) in [(0.1, true), (0.8, false), (-1.5, true)] {
+    for (heading_rad, seen) in [(0.1, true), (0.35, false), (0.8, false), (-1.5, true)] {
         let mut sight = Sight::default();
         let sensor = Pose2::new(0.0, 0.0, heading_rad);
         sight.see_floor(&sensor, Some(500.0), 0.0);
@@ -235,7 +242,7 @@ fn what_appears_to_one_sensor_appears() {
     let (grid, config) = (draw(&["....."; 5]), Config::default());
     for nth in 0..3 {
         let mut report = status(0.0, Pose2::new(200.0, 200.0, 0.0));
-        report.ranges_mm[nth] = Some(300.0);
+        report.ranges_mm[nth] = Some([650.0, 450.0, 450.0][nth]);
         assert!(
             Sight::default().observe(&report, &config, &grid, 0.0),
             "{nth}"

@@ -23,8 +23,9 @@ pub struct MotorInput {
     /// Share of the supply that the bridge applies, −1..=1; positive = forward. With 0 and no brake
     /// the wheel coasts.
     pub duty: f64,
-    /// Both bridge inputs alike with the enable high: the motor is shorted. Overrides `duty`.
-    pub brake: bool,
+    /// Both bridge inputs alike: the share of the time in which the enable shorts the motor, 0..=1. Overrides
+    /// `duty`.
+    pub brake: f64,
 }
 
 impl MotorInput {
@@ -33,12 +34,12 @@ impl MotorInput {
     /// The motor shorted.
     pub const BRAKE: Self = Self {
         duty: 0.0,
-        brake: true,
+        brake: 1.0,
     };
 
     /// Driven with this duty, −1..=1.
     pub const fn run(duty: f64) -> Self {
-        Self { duty, brake: false }
+        Self { duty, brake: 0.0 }
     }
 }
 
@@ -144,7 +145,7 @@ impl Motor {
     /// returns how far the wheel turned forward, in degrees.
     pub fn step(&mut self, dt: f64, input: MotorInput, volts: f64) -> f64 {
         let p = &self.params;
-        let applied = if input.brake {
+        let applied = if input.brake > 0.0 {
             0.0
         } else {
             input.duty.clamp(-1.0, 1.0) * p.supply_share(volts)
@@ -157,9 +158,9 @@ impl Motor {
         }
         let target = p.curve(pull).copysign(applied);
         let before = self.speed;
-        if input.brake {
+        if input.brake > 0.0 {
             self.drive = 0.0;
-            self.speed -= self.speed * (dt / p.brake_lag_s).min(1.0);
+            self.speed -= self.speed * (dt * input.brake / p.brake_lag_s).min(1.0);
         } else {
             self.drive += (target - self.drive) * (dt / p.lag_s).min(1.0);
             self.speed += (self.drive - self.speed) * (dt / p.lag_s).min(1.0);
@@ -179,7 +180,7 @@ impl Motor {
     /// Current out of the battery, averaged over the PWM's period, ampere. A motor that runs faster
     /// than it is driven returns none: the bridge's diodes dissipate it.
     fn draw(&self, input: MotorInput, applied: f64) -> f64 {
-        if input.brake {
+        if input.brake > 0.0 {
             return 0.0;
         }
         let p = &self.params;
@@ -269,7 +270,13 @@ mod tests {
             run(&mut motor, MotorInput::run(1.0), 1500);
             run(&mut motor, input, 2000)
         };
-        assert!(stopping_deg(MotorInput::BRAKE) * 3.0 < stopping_deg(MotorInput::COAST));
+        let braked_deg = stopping_deg(MotorInput::BRAKE);
+        assert!(braked_deg * 3.0 < stopping_deg(MotorInput::COAST));
+        let weakly = MotorInput {
+            brake: 0.2,
+            ..MotorInput::BRAKE
+        };
+        assert!(stopping_deg(weakly) > braked_deg * 2.0);
     }
 
     #[test]

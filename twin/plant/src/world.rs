@@ -61,6 +61,7 @@ impl World {
     pub fn set_room(&mut self, room: Room) {
         self.sonar = Sonar::new(self.params.rangefinder, &room, &self.params.imperfections);
         self.room = room;
+        self.collision.invalidate();
     }
 
     /// Advances by `dt_s` seconds with these inputs at the motors, in steps of at most 1 ms.

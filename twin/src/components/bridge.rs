@@ -26,7 +26,7 @@ fn enable(chip: &Stm32f411, now: VirtualNanos, pins: BridgePins) -> f64 {
     }
 }
 
-/// Both inputs alike short the motor while it is enabled; otherwise the higher one gives the
+/// Both inputs alike short the motor for as long as it is enabled; otherwise the higher one gives the
 /// direction.
 fn drive(enabled: f64, in1: bool, in2: bool) -> MotorInput {
     if enabled <= 0.0 {
@@ -35,7 +35,10 @@ fn drive(enabled: f64, in1: bool, in2: bool) -> MotorInput {
     match (in1, in2) {
         (false, true) => MotorInput::run(enabled),
         (true, false) => MotorInput::run(-enabled),
-        _ => MotorInput::BRAKE,
+        _ => MotorInput {
+            duty: 0.0,
+            brake: enabled,
+        },
     }
 }
 
