@@ -22,8 +22,14 @@ pub fn pgm(grid: &Grid) -> Vec<u8> {
 /// in metres, yaw).
 pub fn yaml(grid: &Grid, picture: &str) -> String {
     let origin = grid.origin();
+    // Between quotes, where a name may hold anything else.
+    let quote = if picture.contains(['"', '\\']) {
+        '\''
+    } else {
+        '"'
+    };
     format!(
-        "image: {picture}\nmode: trinary\nresolution: {:.6}\norigin: [{:.6}, {:.6}, 0.0]\nnegate: 0\noccupied_thresh: {}\nfree_thresh: {}\n",
+        "image: {quote}{picture}{quote}\nmode: trinary\nresolution: {:.6}\norigin: [{:.6}, {:.6}, 0.0]\nnegate: 0\noccupied_thresh: {}\nfree_thresh: {}\n",
         grid.cell_mm() / 1000.0,
         origin.x_mm / 1000.0,
         origin.y_mm / 1000.0,
@@ -40,8 +46,13 @@ pub fn value<'y>(yaml: &'y str, key: &str) -> Result<&'y str, String> {
     let mut lines = yaml.lines().filter_map(|line| line.split_once(':'));
     let found = lines.find(|(found, _)| found.trim() == key);
     let (_, found) = found.ok_or_else(|| format!("no line `{key}:`"))?;
+    let found = found.trim();
+    let quoted = found.strip_prefix(['"', '\'']);
+    if let (Some(quoted), Some(quote)) = (quoted, found.chars().next()) {
+        return Ok(quoted.split_once(quote).map_or(found, |(value, _)| value));
+    }
     let value = found.split_once(" #").map_or(found, |(value, _)| value);
-    Ok(value.trim().trim_matches(['"', '\'']))
+    Ok(value.trim())
 }
 
 /// Log-odds of what a picture calls occupied or free.
@@ -177,7 +188,7 @@ mod tests {
         let head = String::from_utf8_lossy(head).replace("P5\n", "P5\n# CREATOR: map_saver\n");
         let negated = pixels.iter().map(|pixel| 255 - pixel);
         let other: Vec<u8> = head.bytes().chain(negated).collect();
-        let words = text.replace("map.pgm", "\"map.pgm\" # a map");
+        let words = text.replace("\"map.pgm\"", "'map.pgm' # a map");
         assert_eq!(value(&words, "image"), Ok("map.pgm"));
         assert_same(&read(&words.replace("negate: 0", "negate: 1 # white"), &other).unwrap());
         for (yaml, pgm, expected) in [
@@ -204,10 +215,18 @@ mod tests {
     }
 
     #[test]
+    fn picture_of_any_name_is_found() {
+        for name in ["map.pgm", "floor #2.pgm", "a: b.pgm", "it's.pgm", "6\".pgm"] {
+            assert_eq!(value(&yaml(&grid(), name), "image"), Ok(name));
+        }
+        assert_eq!(value("image: map.pgm # first", "image"), Ok("map.pgm"));
+    }
+
+    #[test]
     fn yaml_has_origin_in_metres_and_thresholds() {
         let text = yaml(&grid(), "map.pgm");
         for line in [
-            "image: map.pgm\n",
+            "image: \"map.pgm\"\n",
             "resolution: 0.025000\n",
             "origin: [-0.800000, 0.800000, 0.0]\n",
             "occupied_thresh: 0.65\nfree_thresh: 0.196\n",

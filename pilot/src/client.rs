@@ -67,16 +67,16 @@ impl Client {
         Ok(Some(client))
     }
 
-    /// Joins a control loop of the same process.
+    /// Joins a control loop of the same process, which may take so long until it has opened the robot.
     ///
     /// # Errors
     /// Those of [`Self::request`].
-    pub fn local(port: Port, name: &str) -> Result<Self, Error> {
+    pub fn local(port: Port, name: &str, opens_within: Duration) -> Result<Self, Error> {
         let (messages, _) = port.join(name.into());
         let queue = VecDeque::new();
         let link = Link::Local(port, messages);
         let mut client = Self { link, queue };
-        client.await_reply()?;
+        client.await_reply(opens_within + REPLY)?;
         Ok(client)
     }
 
@@ -92,11 +92,11 @@ impl Client {
             }
             Link::Local(port, _) => port.ask(Ok(request.clone())),
         }
-        self.await_reply()
+        self.await_reply(REPLY)
     }
 
-    fn await_reply(&mut self) -> Result<(), Error> {
-        let ends = Instant::now() + REPLY;
+    fn await_reply(&mut self, within: Duration) -> Result<(), Error> {
+        let ends = Instant::now() + within;
         while Instant::now() < ends {
             match self.receive()? {
                 Some(Message::Reply { error: None, .. }) => return Ok(()),

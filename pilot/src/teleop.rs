@@ -190,7 +190,8 @@ pub fn run(
         }
     };
     let outcome = follow();
-    if dead_man.is_some_and(|one| one.sent.is_some()) {
+    // What it has not stopped itself may be another client's motion.
+    if dead_man.is_some_and(|one| one.pressed.is_some()) {
         // Without a server the connection's end stops it.
         let _ = client.request(&Request::Stop);
     }

@@ -8,12 +8,12 @@ use pilot::recording::Recorder;
 use std::fs::{self, File};
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// Records poses along x, millimetres.
-fn record(path: &Path, along_mm: &[f64]) {
+fn record(path: &Path, begin_us: u64, along_mm: &[f64]) {
     let mut recorder = Recorder::create(path, &Settings::sample().unwrap(), BODY_MM, 0).unwrap();
-    for (time_us, &x_mm) in (0..).step_by(25_000).zip(along_mm) {
+    for (time_us, &x_mm) in (begin_us..).step_by(25_000).zip(along_mm) {
         let pose = Pose::new(x_mm, 0.0, 0.0);
         let sample = RangeSample {
             time_us,
@@ -93,7 +93,8 @@ fn endless_and_far_inputs_are_refused() {
     let here = tempfile::tempdir().unwrap();
     let here = here.path();
     let far = here.join("far.mcap");
-    record(&far, &[0.0, 2e6]);
+    // By a server that had served for an hour.
+    record(&far, 3_600_000_000, &[0.0, 2e6]);
     let (map, far) = (
         here.join("map").display().to_string(),
         far.display().to_string(),
@@ -120,7 +121,7 @@ fn endless_and_far_inputs_are_refused() {
     // Its two reports are 25 ms apart.
     let begun = Instant::now();
     assert_eq!(run(&format!("replay {far} --speed 0.05")).0, 0);
-    assert!(begun.elapsed() >= Duration::from_millis(500));
+    assert!((500..60_000).contains(&begun.elapsed().as_millis()));
 }
 
 // Requirement: WIRE-program-1
@@ -132,7 +133,7 @@ fn outputs_spare_foreign_files_and_links() {
     fs::write(&letter, "a letter").unwrap();
     std::os::unix::fs::symlink(&letter, &link).unwrap();
     let one = here.join("one.mcap");
-    record(&one, &[0.0]);
+    record(&one, 0, &[0.0]);
     let out = here.join("map");
     for words in [
         format!("map --from {} --out {}", one.display(), out.display()),

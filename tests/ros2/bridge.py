@@ -291,12 +291,14 @@ def check_reports(robot, participant, client):
     for name, mm in zip(("range_front", "range_right", "range_left"), robot_mm):
         measured = read[name]
         assert measured.header.frame_id == name and measured.max_range == 2.5
+        assert abs(measured.field_of_view - 0.26) < 0.01, measured.field_of_view
         assert name == "range_front" or mm is None or abs(measured.range * 1000 - mm) < 40, (name, measured.range, mm)
     battery = read["battery_state"]
     assert 6 < battery.voltage < 8.5 and len(battery.cell_voltage) == 2
     status = read["diagnostics"].status[0]
     assert status.hardware_id == "stm32f411" and {"mode", "frames"} <= {one.key for one in status.values}
     assert abs(time.time() - read["odom"].header.stamp.sec) < 5
+    assert read["odom"].child_frame_id == "base_link"
     # A subscriber that comes late gets the map.
     late = Participant().reader("map", ros.OccupancyGrid, LATCHED)
     grid = awaited("/map", lambda: late.take(1))[0]

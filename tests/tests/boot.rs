@@ -290,6 +290,8 @@ fn boot_without_crystal_uses_hsi_and_logs() {
         crystal_hz: 0,
         ..Options::with_eeprom(image_in_mode(0x10))
     });
+    // A crystal may take milliseconds.
+    assert!(rig.now_us() > 10_000, "given up after {} us", rig.now_us());
     rig.run_us(20_000);
     rig.assert_logged("internal oscillator");
     // Guarded Normal: the clock's fault is bit 1 of the status behind key and sequence.
@@ -328,7 +330,8 @@ const I2C1_CCR: u64 = 0x4000_541C;
 #[test]
 fn boot_flash_and_bus_keep_their_limits() {
     let [access, clock] = Rig::registers_after_boot([FLASH_ACR, I2C1_CCR]);
-    assert_eq!(access & 15, 4);
+    // Four wait states, prefetch and both caches on, and none held in reset.
+    assert_eq!(access & 0x1F0F, 0x0704);
     // Fast mode, low for two thirds: three times the divider of 50 MHz.
     assert_eq!(clock >> 14, 0b10);
     assert!(3 * (clock & 0xFFF) * 20 >= 2_500, "{clock:#x}");
@@ -344,6 +347,9 @@ fn boot_encoder_inputs_are_filtered() {
     let filters = written.map(|write| (write.value >> 4 & 15, write.value >> 12 & 15));
     // RM0383, 13.4.7: a quarter of the dead-time clock, 8 samples.
     assert!(filters.eq([(0b0111, 0b0111); 2]));
+    // Half the timers' clock.
+    let control = Rig::registers_after_boot([0x4000_0000, 0x4000_0400]);
+    assert_eq!(control.map(|value| value >> 8 & 3), [1; 2]);
 }
 
 /// Lines that may have no driver get a pull (RM0383, 8.4.4): chip-select, UART, encoders and the EEPROM's switch. The

@@ -303,4 +303,10 @@ fn guarded_velocity_frame_is_acknowledged_by_the_next() {
         rig.run_us(25_013);
     }
     assert!(late <= 4, "{late} of 200 acknowledged late");
+    // The longest frame, and a byte more.
+    let mut bytes = [0; MAX_FRAME];
+    let len = pi.send(&Command::default(), &mut bytes);
+    let _ = rig.frame(&[&bytes[..len], &[0]].concat());
+    rig.run_us(20_000);
+    rig.assert_logged("frame too long by 1");
 }

@@ -171,6 +171,9 @@ fn set_fault(robot: &LinkedRobot, fault: Mpu6050Fault) {
     robot.rig.set_mpu(set);
 }
 
+/// `CR1` of the gyroscope's bus.
+const I2C1_CR1: u64 = 0x4000_5400;
+
 // Requirement: DOC-2.3-3, DOC-3.1-3, WIRE-fault-13
 #[test]
 fn gyro_absent_or_wrong_drives_by_encoders() {
@@ -182,6 +185,14 @@ fn gyro_absent_or_wrong_drives_by_encoders() {
         let fitted = Some(GyroParams::default());
         let _ = drive_with_fault(fitted, |robot| set_fault(robot, fault), text);
     }
+    // What the part is, is a single byte: not acknowledged, or it may hold the line (RM0383, 18.3.3).
+    let mut robot = robot(true, Some(GyroParams::default()));
+    set_fault(&robot, Mpu6050Fault::WrongId(0x70));
+    robot.rig.trace_writes(I2C1_CR1);
+    robot.stand(500);
+    let writes = take_writes(&robot.rig);
+    let mut values = writes.iter().map(|write| write.value);
+    assert!(values.any(|value| value & 0x401 == 1));
 }
 
 // Requirement: DOC-3.1-3

@@ -156,12 +156,21 @@ fn page_shows_map_and_stops_the_wheels() {
         browser.until("Number(document.getElementById('map').dataset.updates) > 3");
         await_motion(board);
         // The time of the latest frame that the page knows is before the click.
-        let script = "const t = document.body.dataset.timeUs; document.getElementById('stop').click(); return Number(t);";
+        let script = "const t = document.body.dataset.timeUs; document.body.dispatchEvent(new KeyboardEvent(\
+                      'keydown', {key: ' ', bubbles: true})); return Number(t);";
         let clicked_us = browser.script(script).as_u64().expect("a time");
         let after_us = stopped_after(board, clicked_us);
         println!("wheels stop {after_us} us after the page's latest frame before the click");
         assert!(after_us <= STOP_US, "{after_us} us");
         browser
             .until("document.getElementById('connection').textContent.includes('stopped by page')");
+        browser.script("document.getElementById('explore').click();");
+        await_motion(board);
+        browser.script("document.getElementById('stop').click();");
+        browser
+            .until("document.getElementById('connection').textContent.includes('stopped by page')");
+        // What is clicked is what was drawn there.
+        let script = "const v = view(); return Math.round(v.xMm(v.x(-200))) + ' ' + Math.round(v.yMm(v.y(300)));";
+        assert_eq!(browser.script(script), "-200 300");
     });
 }

@@ -144,7 +144,9 @@ fn killed_program_leaves_a_robot_that_stops_and_is_repaired() {
     reports(&text, "was killed");
     reports(&text, "link-lost");
     pi.expect(0, "reset");
-    reports(&pi.expect(0, "goto 60 0 0"), "arrived at");
+    let text = pi.expect(0, "goto 60 0 0");
+    reports(&text, "arrived at");
+    assert!(!text.contains("was killed"), "{text}");
 }
 
 #[test]

@@ -170,6 +170,7 @@ fn configuration_is_compared_saved_and_brought_back() {
     program.expect_each(
         "
         0 | eeprom diff robot.toml | no difference
+        2 | eeprom init robot.toml | --force
         1 | eeprom diff second.toml | platform.servo: false -> true
         0 | eeprom backup saved.bin | 1024 bytes saved
         2 | eeprom backup saved.bin | --force
@@ -211,15 +212,24 @@ fn robot_is_checked_calibrated_and_explores_a_room() {
     let program = Program::configured();
     fs::write(program.file("small.room"), SMALL_ROOM).expect("written");
     program.expect_each(r#"0 | --json doctor --wheels-up --yes | "failed":0"#);
-    program.expect_each(
-        "0 | --true-diameter-left 81 --true-diameter-right 81 calibrate distance --length 500 --yes \
-         --measure-with truth --no-verify | platform.wheel_diameter_left_mm: 80.0 -> 8",
+    let done = program.expect(
+        0,
+        "--json --true-diameter-left 81 --true-diameter-right 81 calibrate distance --length 500 --yes \
+         --measure-with truth",
+    );
+    let done = done.lines().find(|line| line.starts_with('{'));
+    let done: serde_json::Value = serde_json::from_str(done.expect("JSON")).expect("JSON");
+    let off_mm = |key: &str| done[key].as_f64().expect("a number").abs();
+    assert!(
+        off_mm("error_mm") > 5.0 && off_mm("verified_mm") < 2.0,
+        "{done}"
     );
     program.expect_each(
         "
         1 | eeprom diff robot.toml | -> 80.0
         0 | calibrate rollback | as it was before
         0 | eeprom diff robot.toml | no difference
+        0 | calibrate distance --length 500 --dry-run --yes --measure-with truth | not written
         0 | calibrate distance --measured 506,-3 --length 500 --dry-run | 506.0 mm ahead, -3.0 mm
         0 | calibrate umbmark --side 300 --runs 1 --dry-run --yes --measure-with truth | right wheel against left -0.1
         8 | goto 3000 0 0 --timeout 20 | an obstacle ahead holds
@@ -269,6 +279,15 @@ fn commands_borrow_the_robot_of_a_server() {
     tune.kill().and_then(|()| tune.wait()).expect("a child");
     program.expect_each("0 | eeprom check | Guarded Normal");
     assert!(!journal.exists());
+    // A robot that cannot be reached.
+    fs::write(program.file("blank.bin"), [0xFF; 1024]).expect("written");
+    program.expect_each(
+        "
+        6 | eeprom restore blank.bin | READY
+        7 | stop | cannot be reached
+        7 | monitor --count 1 | READY
+        ",
+    );
 }
 
 /// Runs `teleop` at a terminal where these keys are typed.
@@ -301,7 +320,7 @@ fn teleop_drives_by_keys_of_a_terminal() {
     let alone = Program::configured();
     alone.expect_each("0 | mode guarded-normal | both ends");
     teleop(&alone, b"q");
-    alone.expect_each("0 | eeprom check | Guarded Velocity");
+    alone.expect_each("0 | eeprom diff robot.toml | no difference");
     let program = Program::blank();
     let _server = program.serve();
     teleop(&program, b"wwwwwwwwwwwwwwwwwwwwq");

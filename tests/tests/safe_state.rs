@@ -140,26 +140,54 @@ fn ends_standing(rig: &Rig, why: &str) {
     assert_restarts(rig, 300_000);
 }
 
-/// A tick that does not return keeps its priority's other handlers away, but not the safe state's.
-// Requirement: WIRE-safe-1
-#[test]
-fn tick_without_end_is_reported_by_the_safe_state() {
+/// The release ELF with other code, half-words, at a function's begin.
+fn patched(function: &str, code: &[u16]) -> Vec<u8> {
     let mut elf = elf(ELF);
     let file = object::File::parse(&*elf).expect("an ELF");
     let text = file.section_by_name(".text").expect("code");
-    let tick = file
-        .symbols()
-        .find(|symbol| symbol.name() == Ok("robot_tick"));
-    let tick = (tick.expect("a tick").address() & !1) - text.address();
+    let mut symbols = file.symbols();
+    let symbol = symbols.find(|symbol| symbol.name() == Ok(function));
+    let offset = (symbol.expect("a function").address() & !1) - text.address();
     let begin = text.file_range().expect("in the file").0;
-    let at = usize::try_from(begin + tick).expect("an offset");
-    // A branch to itself.
-    elf[at..at + 2].copy_from_slice(&[0xFE, 0xE7]);
-    let rig = with_original_image(&elf);
+    let at = usize::try_from(begin + offset).expect("an offset");
+    let code: Vec<u8> = code.iter().copied().flat_map(u16::to_le_bytes).collect();
+    elf[at..at + code.len()].copy_from_slice(&code);
+    elf
+}
+
+/// A branch to itself.
+const ENDLESS: u16 = 0xE7FE;
+
+/// A handler that does not return keeps its priority's others away, but not the safe state's.
+// Requirement: WIRE-safe-1
+#[test]
+fn handler_without_end_is_reported_by_the_safe_state() {
+    for handler in ["robot_tick", "EXTI4"] {
+        let rig = with_original_image(&patched(handler, &[ENDLESS]));
+        rig.assert_ready();
+        // Its end is that of a frame.
+        let _ = rig.frame(&ahead());
+        rig.run_us(40_000);
+        assert!(!rig.is_ready(), "{handler}");
+        rig.assert_logged("no tick, motors off");
+    }
+}
+
+/// As that of the safe state, should the watchdog not have come before.
+// Requirement: WIRE-fault-11, WIRE-safe-2
+#[test]
+fn reset_by_the_core_is_a_restart_after_a_failure() {
+    // `movw` and `movt` of AIRCR's address and its key with SYSRESETREQ, the store.
+    let reset = [
+        0xF64E, 0x500C, 0xF2CE, 0x0000, 0xF240, 0x0104, 0xF2C0, 0x51FA, 0x6001, ENDLESS,
+    ];
+    let rig = with_original_image(&patched("EXTI4", &reset));
     rig.assert_ready();
-    rig.run_us(40_000);
-    assert!(!rig.is_ready());
-    rig.assert_logged("no tick, motors off");
+    let _ = rig.frame(&ahead());
+    rig.run_us(60_000);
+    assert_eq!(rig.resets()[0].source, ResetSource::Core);
+    rig.assert_logged("boot after software reset");
+    rig.assert_logged("restarted after a failure");
 }
 
 /// Driving, with the NMI's handler as that of I2C1's errors: the emulated core has no line to its NMI.

@@ -2,7 +2,7 @@
 
 use std::array;
 use std::thread;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use host_link::board_io::Interrupt;
 use host_link::error::Error;
@@ -40,13 +40,19 @@ fn twenty_watchers_leave_the_frame_period_alone() {
             let name = format!("watcher {number}");
             let mut client = Client::connect(&path, &name).unwrap().expect("a server");
             client.request(&Request::Watch { every: 1 }).unwrap();
-            let (mut board_us, mut host) = (Vec::new(), Vec::new());
+            let (mut board_us, mut host, mut logs) = (Vec::new(), Vec::new(), 0);
             while board_us.len() < FRAMES {
-                if let Some(Message::Frame(frame)) = client.message().unwrap() {
-                    board_us.push(frame.robot.time_us);
-                    host.push(Instant::now());
+                match client.message().unwrap() {
+                    Some(Message::Frame(frame)) => {
+                        board_us.push(frame.robot.time_us);
+                        host.push(Instant::now());
+                    }
+                    // A line a second.
+                    Some(Message::Log { .. }) => logs += 1,
+                    _ => {}
                 }
             }
+            assert!(logs > 0, "no line of the log");
             (board_us, host)
         };
         let seen: [_; WATCHERS] = thread::scope(|scope| {
@@ -113,7 +119,7 @@ fn driver_that_is_gone_or_stopped_stops_the_wheels() {
 fn released_key_and_leaving_stop_the_wheels() {
     serve(|hub, board| {
         let port = hub.admit().expect("a place");
-        let mut client = Client::local(port, "teleop").expect("joined");
+        let mut client = Client::local(port, "teleop", Duration::ZERO).expect("joined");
         for (leaves, limit_us) in [(false, 1_000_000), (true, DEADLINE_US)] {
             let mut since_us = None;
             let dead_man = Some(DeadMan::new(150.0, 45.0));

@@ -212,8 +212,9 @@ impl Localiser {
         });
         if !near {
             track.readings.push(Reading { sensor, range_mm });
-            // A swept beam sees new ground with the robot at rest.
-            if self.rests {
+            // A swept beam sees new ground with the robot at rest. A search remembers so many stretches, and needs
+            // their way.
+            if self.rests && self.search.is_none() {
                 self.way_mm += self.config.stretch_mm / LOOK;
             }
         }

@@ -326,7 +326,7 @@ fn first_way_is_as_long_as_a_look_straight_ahead_allows() {
         ..Config::default()
     };
     for (ahead_at_s, way_mm) in [(2.5, 300.0), (60.0, 150.0)] {
-        let mut explorer = Explorer::new(config.clone());
+        let mut explorer = Explorer::new(config);
         let mut report = status(0.0, Pose2::new(500.0, 1000.0, 0.0));
         let way = (0..400).find_map(|frame| {
             report.time_s = 0.025 * f64::from(frame);

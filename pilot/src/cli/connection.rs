@@ -21,6 +21,7 @@ use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::thread;
+use std::time::Duration;
 
 /// What every command has: its name, the options that choose the robot, and the output.
 #[derive(Clone, Copy)]
@@ -136,7 +137,8 @@ impl Context<'_> {
                 let client = scope.spawn(move || {
                     let _ended = ended;
                     let port = hub.admit().ok_or(Error::Interrupted)?;
-                    job(&mut Client::local(port, self.command)?)
+                    let opens_within = Duration::from_millis(self.board.ready_timeout.into());
+                    job(&mut Client::local(port, self.command, opens_within)?)
                 });
                 let served = control::run(io, &options, events);
                 let done = client.join().unwrap_or_else(|panic| resume_unwind(panic));

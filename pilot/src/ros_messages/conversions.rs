@@ -167,7 +167,8 @@ fn battery_faults_and_map_are_converted() {
     let grid = Grid::from_fn(25.0, corners[0], corners[1], |_| -4.0);
     let OccupancyGrid { header, info, .. } = OccupancyGrid::of(2_345_678, "map", &grid);
     assert!(info.width > info.height && info.width as usize == grid.columns());
-    let (x, cell) = (info.origin.position.x, info.resolution);
-    assert!((cell - 0.025).abs() < 1e-6 && (x - grid.origin().x_mm / 1e3).abs() < 1e-6);
+    let (at, cell, origin) = (info.origin.position, info.resolution, grid.origin());
+    assert!((cell - 0.025).abs() < 1e-6 && (at.x - origin.x_mm / 1e3).abs() < 1e-6);
+    assert!((at.y - origin.y_mm / 1e3).abs() < 1e-6 && origin.x_mm != origin.y_mm);
     assert_eq!((header.stamp.sec, header.stamp.nanosec), (2, 345_678_000));
 }

@@ -1,6 +1,6 @@
 //! The clients of the control loop: bounded queues out, one request at a time each in.
 
-use super::protocol::Request;
+use super::protocol::{Failure, Request};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender, SyncSender};
@@ -36,6 +36,8 @@ pub struct Client {
     pub tiles: usize,
     /// When it last sent a velocity after another client had stopped it.
     pub held: Option<Instant>,
+    /// Why its loan of the robot ended.
+    pub loan_ended: Option<Failure>,
     // Dropped before the queue, whose end wakes the reader: it finds out why.
     answered: SyncSender<()>,
     queue: SyncSender<Arc<str>>,
@@ -98,13 +100,14 @@ impl Port {
     pub fn join(&self, name: String) -> (Receiver<Arc<str>>, Receiver<()>) {
         let (queue, messages) = mpsc::sync_channel(QUEUE);
         let (answered, answers) = mpsc::sync_channel(1);
-        let (id, every, tiles, held) = (self.id, None, 0, None);
+        let (id, every, tiles, held, loan_ended) = (self.id, None, 0, None, None);
         let client = Client {
             id,
             name,
             every,
             tiles,
             held,
+            loan_ended,
             answered,
             queue,
         };

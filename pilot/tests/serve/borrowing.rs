@@ -80,11 +80,16 @@ fn robot_of_a_borrower_that_waits_is_free_after_a_stop() {
             assert!(begun.elapsed() < Duration::from_secs(10));
         }
         assert!(drive_borrowed(&borrowed, 1).is_err());
-        drop(borrowed);
+        let why = borrowed.give_back().unwrap_err().to_string();
+        assert_eq!(why, "stopped by watcher");
         // A loan ends with its return alone: there is no lease to renew.
         let mut client = join(hub, "eeprom");
         while client.request(&Request::Borrow).is_err() {}
         assert!(client.request(&Request::Keep).is_err());
+        assert!(
+            client.request(&Request::Borrow).is_err(),
+            "it has it already"
+        );
         client.request(&Request::Return).unwrap();
     });
 }

@@ -119,10 +119,17 @@ fn stop_of_a_watching_client_ends_each_motion() {
             now_us = time_us(&mut watcher);
         }
     });
-    let ordered = commands
-        .iter()
-        .filter(|command| command.order == Order::Stop);
-    assert_eq!(ordered.count(), 40);
+    let is_stop = |command: &Command| command.order == Order::Stop;
+    assert_eq!(
+        commands.iter().filter(|command| is_stop(command)).count(),
+        40
+    );
+    // The second motion is straight ahead.
+    let (_, rest) = commands.split_at(commands.iter().position(is_stop).unwrap());
+    let (_, rest) = rest.split_at(rest.iter().position(|one| !is_stop(one)).unwrap());
+    let goto = rest.split(is_stop).next().unwrap_or_default();
+    assert!(goto.iter().any(|one| one.velocity.forward > 0));
+    assert!(goto.iter().all(|one| one.velocity.yaw_rate == 0));
 }
 
 // Requirement: SERVE-drive-1
@@ -138,7 +145,11 @@ fn handle_that_is_held_does_not_drive_on_after_a_stop() {
             assert!(watcher.status().unwrap().driver.is_none());
             thread::sleep(Duration::from_millis(100));
         }
-        thread::sleep(Duration::from_millis(500));
+        // Zeros come from a handle at rest.
+        for _ in 0..12 {
+            let _ = driver.request(&drive(0.0, 400));
+            thread::sleep(Duration::from_millis(50));
+        }
         driver.request(&drive(100.0, 400)).unwrap();
         // Its own stop is no other client's.
         driver.request(&Request::Stop).unwrap();
@@ -218,6 +229,11 @@ fn fault_ends_a_velocity_until_it_is_cleared() {
             state == Some(State::Faulted.name())
         };
         assert!(is_faulted(&mut client));
+        let faulted_us = time_us(&mut client);
+        let advised = |text: &String| text.contains("the left wheel does not follow");
+        while !client.status().unwrap().advice.iter().any(advised) {
+            assert!(time_us(&mut client) < faulted_us + 2_000_000);
+        }
         client.request(&Request::ClearFaults).unwrap();
         let asked_us = time_us(&mut client);
         while is_faulted(&mut client) {

@@ -70,7 +70,7 @@ impl Served {
 const EXPLORE: Request = Request::Explore { lease_ms: 2000 };
 
 fn join(hub: &Hub, name: &str) -> Client {
-    Client::local(hub.admit().unwrap(), name).unwrap()
+    Client::local(hub.admit().unwrap(), name, Duration::ZERO).unwrap()
 }
 
 fn drive(forward_mm_s: f64, lease_ms: u32) -> Request {

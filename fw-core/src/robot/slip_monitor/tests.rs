@@ -337,7 +337,7 @@ fn angle_goes_on_through_missing_readings() {
     let mut turned = |failure| {
         let before = robot.angle().expect("an angle");
         for tick in 0..10 {
-            robot.failure = if tick < 2 { failure } else { BusResult::Done };
+            robot.failure = if tick < 3 { failure } else { BusResult::Done };
             robot.tick(SPIN, -10, 10);
         }
         robot.angle().expect("an angle") - before

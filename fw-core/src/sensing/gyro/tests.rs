@@ -205,7 +205,9 @@ fn slip_ends_within_a_tenth_of_a_degree_and_an_eighth() {
         sim.scale = 1.0;
         sim.run(10, 0.8, -0.8);
         assert!(sim.gyro.is_slipping());
-        sim.run(10, 0.8 + off, 0.8);
+        sim.run(9, 0.8 + off, 0.8);
+        assert!(sim.gyro.is_slipping(), "a tick early");
+        sim.run(1, 0.8 + off, 0.8);
         assert_eq!(sim.gyro.is_slipping(), !ends, "{off}");
     }
 }
@@ -334,6 +336,10 @@ fn verification_fails_beyond_3_seconds_or_with_a_rest() {
     assert!(sim.events.is_empty(), "{:?}", sim.events);
     sim.run(101, 0.1, 0.1);
     assert_eq!(sim.events, [Event::Trusted]);
+    // 10° just within them.
+    let mut slow = Simulation::rested();
+    slow.run(295, 0.035, 0.035);
+    assert_eq!(slow.events, [Event::Trusted]);
 }
 
 #[test]

@@ -47,6 +47,7 @@ fn earlier_path(
     present: &WheelGeometry,
 ) -> Result<WheelPath, Error> {
     let path = path_file(measurement);
+    file::ensure_trusted(&path)?;
     let text = file::read_text(&path)?;
     let driven: WheelPath = serde_json::from_str(&text)
         .map_err(|cause| Error::content(&path, cause.line(), cause.to_string()))?;
@@ -96,10 +97,13 @@ pub fn run(
     let (changes, written) = measurement.write(connection, &original, &solved.wheels)?;
     let mut verified_mm = None;
     if written && arguments.measured.is_none() && measurement.verifies(&connection.io)? {
-        measurement.put_back(connection)?;
-        let path = drive(&measurement, &mut connection.io, length)?;
-        let again = measurement.measure(connection, QUESTION, parse_measured)?;
-        verified_mm = Some(distance_error_mm(&path, &again));
+        let mut verify = || {
+            measurement.put_back(connection)?;
+            let path = drive(&measurement, &mut connection.io, length)?;
+            let again = measurement.measure(connection, QUESTION, parse_measured)?;
+            Ok(distance_error_mm(&path, &again))
+        };
+        verified_mm = measurement.verified(verify())?;
     }
     let done = Done {
         measured,

@@ -126,6 +126,17 @@ impl<'a> Measurement<'a> {
         )
     }
 
+    /// What was found by driving once more; none where nobody answers.
+    pub fn verified<T>(&self, found: Result<T, Error>) -> Result<Option<T>, Error> {
+        match found {
+            Err(Error::Usage(why)) => {
+                self.context.output.warn(&format!("not verified: {why}"));
+                Ok(None)
+            }
+            found => found.map(Some),
+        }
+    }
+
     /// Whether to drive once more.
     pub fn verifies(&self, io: &BoardIo) -> Result<bool, Error> {
         let question = "Put the robot back on its marks. Drive once more to verify?";

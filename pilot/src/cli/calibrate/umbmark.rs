@@ -100,8 +100,10 @@ pub fn run(
     let (changes, written) = measurement.write(connection, &original, &estimate.wheels)?;
     let mut verified = None;
     if written && measurement.verifies(&connection.io)? {
-        let again = squares(side, 1, false, &measurement, connection)?;
-        verified = Some(umbmark::score(&again).map_err(Error::Calibration)?);
+        let again = squares(side, 1, false, &measurement, connection);
+        let again = measurement.verified(again)?;
+        let score = again.map(|again| umbmark::score(&again).map_err(Error::Calibration));
+        verified = score.transpose()?;
     }
     let end = |run: &SquareRun| End {
         clockwise: run.clockwise,

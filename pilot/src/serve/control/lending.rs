@@ -98,7 +98,13 @@ impl Server {
                 break interrupted;
             }
         };
-        (self.loan, self.lease, self.next) = (None, None, None);
+        let loan = self.loan.take().unwrap_or_default();
+        if let Some(lease) = self.lease.take()
+            && let Some(client) = self.clients.get_mut(&lease.client)
+        {
+            client.loan_ended = loan.stopped;
+        }
+        self.next = None;
         self.activity = Activity::Idle;
         if let Some(journal) = &options.journal {
             repair::repair(io, journal, !returned, options.ready_timeout_ms)?;

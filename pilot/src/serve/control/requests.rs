@@ -59,7 +59,9 @@ impl Server {
     }
 
     fn cancel(&mut self, text: &str) {
-        self.next = None;
+        if let (Some(Motion::Lend), Some(lease)) = (self.next.take(), &self.lease) {
+            self.reply(lease.client, &Err(refused(text, Exit::NotReached)));
+        }
         if self.activity == Activity::Idle {
             self.lease = None;
         } else {
@@ -90,7 +92,7 @@ impl Server {
                 lease_ms,
             } => {
                 ensure_velocity(self.config()?)?;
-                self.has_let_go(id)?;
+                self.has_let_go(id, (forward_mm_s, yaw_rate_deg_s) == (0.0, 0.0))?;
                 self.take_lease(id, lease_ms)?;
                 self.velocity = VelocityRequest {
                     forward_mm_s,
@@ -145,11 +147,18 @@ impl Server {
             }
             Request::Borrow => {
                 self.free_for(id)?;
+                if self.loan.is_some() {
+                    return Err(refused("the robot is borrowed already", Exit::Busy));
+                }
                 // Without frames the robot's own stop deadline ends its motion.
                 self.lease = Some(self.lease_of(id, Duration::ZERO, None));
                 self.begin(Motion::Lend);
             }
             Request::Board { .. } | Request::Return => {
+                let client = self.clients.get(&id);
+                if let Some(why) = client.and_then(|client| client.loan_ended.clone()) {
+                    return Err(why.into());
+                }
                 let text = "this client has not borrowed the robot";
                 return Err(refused(text, Exit::Usage));
             }
@@ -226,15 +235,18 @@ impl Server {
     }
 
     /// # Errors
-    /// Another client has stopped this one, which has sent velocities since, as a handle that is held does.
+    /// Another client has stopped this one, which has sent velocities since, as a handle that is held does;
+    /// one that `rests` sends zeros.
     // Requirement: SERVE-drive-1
-    fn has_let_go(&mut self, id: ClientId) -> Result<(), Error> {
+    fn has_let_go(&mut self, id: ClientId, rests: bool) -> Result<(), Error> {
         let Some(client) = self.clients.get_mut(&id) else {
             return Ok(());
         };
         client.held = client.held.filter(|held| held.elapsed() < LET_GO);
         if let Some(held) = &mut client.held {
-            *held = Instant::now();
+            if !rests {
+                *held = Instant::now();
+            }
             let text = "another client has stopped the robot: let go before you drive on";
             return Err(refused(text, Exit::Busy));
         }
