@@ -241,7 +241,7 @@ impl Driver {
             .contact(pose, self.config.body_mm)
             .map_or(f64::INFINITY, way);
         let nears = |walls_rad| self.sight.nears_plane(pose, walls_rad, OBLIQUE_MM);
-        if !self.is_aligned(pose) && nears(self.walls_rad(pose)) {
+        if self.off_walls_rad(pose).abs() >= ALIGNED_RAD && nears(self.walls_rad(pose)) {
             return limit.min(TOUCH_MM_S);
         }
         limit
@@ -251,11 +251,6 @@ impl Driver {
     fn walls_rad(&self, pose: &Pose2) -> f64 {
         let map = self.map.as_ref();
         map.map_or(pose.heading_rad, CostMap::direction_rad)
-    }
-
-    /// Whether the heading is along the walls.
-    fn is_aligned(&self, pose: &Pose2) -> bool {
-        self.off_walls_rad(pose).abs() < ALIGNED_RAD
     }
 
     /// The heading's offset from the nearest of the walls' directions, radians.

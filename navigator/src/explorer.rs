@@ -18,8 +18,7 @@ use crate::{Action, Config, Outcome, Status, Velocity, walls};
 const FIRST_REST_S: f64 = 2.0;
 /// At most this long until a sweep has come past straight ahead, s.
 const SWEEP_S: f64 = 3.0;
-/// First straight way: what calibrates wheels against the gyro before the first turn, mm, and the
-/// distance that it keeps from an echo, mm.
+/// First straight way, which calibrates wheels against the gyro, and the distance that it keeps from an echo, mm.
 const FIRST_WAY_MM: (f64, f64) = (300.0, 300.0);
 /// A look turns this far to both sides: three sensors at right angles see all but the way back.
 const LOOK_RAD: f64 = 0.9;

@@ -1,6 +1,5 @@
 use super::fields::*;
 use super::*;
-use crate::binary64::Binary64;
 use crate::types::{Duty, Micrometres, Milliseconds, Ohms, RangefinderId, Turns, Volts};
 use crate::wire::Mode;
 use fixed::types::{I32F32, U16F16};
@@ -241,121 +240,6 @@ layout_version 1 03 address 0x00: layout_version is 1, accepted: 2; run `robot e
     let text = std::format!("crc is 0x{found:08X}, accepted: 0x{sum:08X}");
     let place = "EEPROM page 0x03 address 0x4E: ";
     assert_eq!(rejection(&image).to_string(), place.to_string() + &text);
-}
-
-/// An image with every field in play: eight cells, a servo.
-fn eight_cells() -> Image {
-    let fitted = [(CELLS, 8), (MODE, 0x20), (SERVO, 1)];
-    let free = [(DEAD_ZONE_LEFT, 0), (DEAD_ZONE_RIGHT, 0)];
-    let battery = [(BATTERY_WARN, 5000), (BATTERY_CUTOFF, 0)];
-    let mut image = image_with(&[&fitted[..], &free, &battery].concat());
-    for field in FIELDS.iter().filter(|field| field.tap != 0) {
-        let is_upper = field.name().ends_with("upper");
-        image.set(field, if is_upper { 1000 } else { 500_000 });
-    }
-    image.seal();
-    image
-}
-
-/// Raw values at the ends of what a field accepts, and the nearest beyond them.
-fn ends(field: &Field) -> (Vec<u64>, Vec<u64>) {
-    match *field.accepted {
-        Accepted::IntRange { min, max } => {
-            let inside = [u64::from(min), u64::from(max).min(field.kind.max())];
-            let below = u64::from(min).checked_sub(1);
-            let above = Some(u64::from(max) + 1).filter(|&above| above <= field.kind.max());
-            (inside.into(), below.into_iter().chain(above).collect())
-        }
-        Accepted::RealRange { min, max } => {
-            let bits = |fixed| Binary64::from_fixed(fixed).0;
-            let (min, max) = (Accepted::real(min, 0), Accepted::real(0, max));
-            let step = I32F32::from_bits(1 << 10);
-            let (nan, infinity) = (f64::NAN, f64::INFINITY);
-            let special = [nan, -nan, infinity, -infinity, f64::MAX, -1.0];
-            let beyond = [bits(min - step), bits(max + step)];
-            let outside = special.map(f64::to_bits).into_iter().chain(beyond);
-            (std::vec![bits(min), bits(max)], outside.collect())
-        }
-        Accepted::Mode => {
-            let known: Vec<u64> = Mode::ALL.iter().map(|mode| mode.code().into()).collect();
-            let unknown = (0..=255).filter(|code| !known.contains(code)).collect();
-            (known, unknown)
-        }
-    }
-}
-
-// Requirement: WIRE-eeprom-10, WIRE-refused-3, WIRE-refused-4, WIRE-refused-5, WIRE-refused-6
-// Requirement: WIRE-refused-7
-#[test]
-fn field_ends_accepted_and_beyond_rejected() {
-    for field in &FIELDS {
-        let (inside, outside) = ends(field);
-        for raw in inside {
-            let image = eight_cells().with(field, raw);
-            assert_eq!(image.get(field), raw, "{}", field.name());
-            // Constraints have a test of their own.
-            if let Err(error) = Config::decode(&image) {
-                assert!(matches!(error.expected, Expected::Constraint(_)), "{error}");
-            }
-        }
-        for raw in outside {
-            let error = rejection(&eight_cells().with(field, raw));
-            assert_eq!(error.address, field.address, "{error}");
-            assert_eq!(error.field(), field.name());
-            assert_eq!(error.value, field.value(raw));
-            assert_eq!(error.expected, Expected::Range(*field.accepted));
-            assert_eq!(error.page(), (field.address / 256) as u8);
-        }
-    }
-}
-
-// Requirement: WIRE-eeprom-13, WIRE-refused-1
-#[test]
-fn constraints_between_fields_are_checked() {
-    type Changes<'a> = &'a [(&'a Field, u64)];
-    let (left, right, cutoff) = ("dead_zone_left", "dead_zone_right", "battery_cutoff");
-    let cases: [(Changes, &str); 12] = [
-        (&[], ""),
-        (&[(RANGEFINDERS, 0)], "rangefinders"),
-        (&[(SERVO, 0)], "servo"),
-        (&[(MODE, 0), (RANGEFINDERS, 0), (SERVO, 0)], ""),
-        (&[(DEAD_ZONE_LEFT, 1), (LIMIT_LEFT, 2)], ""),
-        (&[(DEAD_ZONE_LEFT, 1), (LIMIT_LEFT, 1)], left),
-        (&[(DEAD_ZONE_RIGHT, 500), (LIMIT_RIGHT, 501)], ""),
-        (&[(DEAD_ZONE_RIGHT, 500), (LIMIT_RIGHT, 500)], right),
-        (&[(BATTERY_CUTOFF, 5000)], ""),
-        (&[(BATTERY_WARN, 3000), (BATTERY_CUTOFF, 3000)], ""),
-        (&[(BATTERY_WARN, 3000), (BATTERY_CUTOFF, 3001)], cutoff),
-        (&[(LOG_PERIOD, 60_001), (BATTERY_CUTOFF, 5001)], cutoff),
-    ];
-    for (changes, expected) in cases {
-        let change = |image: Image, &(field, raw): &(&Field, u64)| image.with(field, raw);
-        let image = changes.iter().fold(eight_cells(), change);
-        let rejected = Config::decode(&image).err().map(|error| error.field());
-        assert_eq!(rejected.unwrap_or_default(), expected, "{changes:?}");
-    }
-}
-
-// Requirement: WIRE-eeprom-4
-#[test]
-fn dividers_of_unused_taps_hold_anything() {
-    let resistors = |side| {
-        FIELDS
-            .iter()
-            .filter(move |field| field.name().contains(side))
-    };
-    for (upper, lower) in resistors(".upper").zip(resistors(".lower")) {
-        for cells in 1..=8 {
-            for ohms in [[9900, 100], [9901, 100], [u64::from(u32::MAX); 2], [0, 0]] {
-                let image = eight_cells().with(MODE, 0).with(CELLS, cells);
-                let image = image.with(upper, ohms[0]).with(lower, ohms[1]);
-                let accepted = ohms[0] == 9900 || cells < u64::from(upper.tap);
-                let rejected = Config::decode(&image).err().map(|error| error.field());
-                let named = if ohms == [0, 0] { lower } else { upper };
-                assert_eq!(rejected, (!accepted).then_some(named.name()));
-            }
-        }
-    }
 }
 
 // Requirement: WIRE-eeprom-1

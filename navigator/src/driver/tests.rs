@@ -63,11 +63,7 @@ fn unexplained_echo_ends_a_path_only_nearby() {
 #[test]
 fn gyro_rests_in_time() {
     let (mut driver, grid) = (Driver::new(Config::default()), Grid::new(25.0));
-    let Config {
-        rest_every_s: every_s,
-        rest_s,
-        ..
-    } = driver.config;
+    let (every_s, rest_s) = (driver.config.rest_every_s, driver.config.rest_s);
     driver.rested_s = 0.0;
     let rests = [0.0, every_s - 0.1, every_s, every_s + rest_s - 0.1].map(|time_s| {
         let step = driver.step(&grid, &status(time_s, Pose2::default()));
@@ -290,11 +286,8 @@ fn robot_that_does_not_move_is_blocked_after_a_second() {
             ..status(time_s, Pose2::new(200.0, 400.0, 0.0))
         };
         let step = driver.step(&grid, &frame);
-        assert_eq!(
-            driver.marks.len(),
-            if is_blocked { 3 } else { 0 },
-            "{time_s}"
-        );
+        let marks = if is_blocked { 3 } else { 0 };
+        assert_eq!(driver.marks.len(), marks, "{time_s}");
         assert_eq!(step == Step::Interrupted, is_blocked, "{step:?}");
     }
 }

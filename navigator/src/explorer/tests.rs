@@ -331,13 +331,9 @@ fn first_way_is_as_long_as_a_look_straight_ahead_allows() {
         let way = (0..400).find_map(|frame| {
             report.time_s = 0.025 * f64::from(frame);
             // A wall near aside.
-            let (range_mm, bearing_rad) = if report.time_s < ahead_at_s {
-                (400.0, 0.9)
-            } else {
-                (1500.0, 0.1)
-            };
-            report.ranges_mm[0] = Some(range_mm);
-            report.front_bearing_rad = bearing_rad;
+            let is_aside = report.time_s < ahead_at_s;
+            report.ranges_mm[0] = Some(if is_aside { 400.0 } else { 1500.0 });
+            report.front_bearing_rad = if is_aside { 0.9 } else { 0.1 };
             explorer.step(&room(&[]), &report);
             let queue = queue(&explorer);
             queue

@@ -73,7 +73,8 @@ fn is_acceptable(values: &AcceptedConfig) -> bool {
 }
 
 /// Raw values are accepted exactly when the tables accept them.
-// Requirement: WIRE-eeprom-4, WIRE-refused-1
+// Requirement: WIRE-eeprom-4, WIRE-eeprom-10, WIRE-eeprom-13, WIRE-refused-1, WIRE-refused-3, WIRE-refused-4
+// Requirement: WIRE-refused-5, WIRE-refused-6, WIRE-refused-7
 pub fn acceptance_is_the_tables(values: AcceptedConfig, which: u8, raw: u64) -> Seen {
     let field = &FIELDS[usize::from(which) % FIELDS.len()];
     let values = values.with(field, raw & field.kind.max());

@@ -311,12 +311,7 @@ impl Rig {
 
     /// A tick in which the wheels do as they like.
     pub fn tick(&mut self, events: &mut Events<'_>) {
-        let (left, right) = (events.number(), events.number());
-        let word = events.byte();
-        // Now and then for a tick.
-        self.sample.supply_low = word % 32 == 31;
-        self.pass(left, right, word, 0);
-        self.sample.supply_low = false;
+        self.pass(events.number(), events.number(), events.byte(), 0);
     }
 
     /// A while in which the robot rests or turns evenly: a gyroscope wakes up, finds its zero, agrees with
@@ -333,6 +328,7 @@ impl Rig {
 
     /// 10 ms later: the gyroscope's answer, then the tick.
     fn pass(&mut self, left: i32, right: i32, word: u8, apart: i32) {
+        self.sample.supply_low = word % 32 == 31;
         self.sample.left = self.sample.left.wrapping_add_signed(left);
         self.sample.right = self.sample.right.wrapping_add_signed(right as i16);
         self.now = self.now.after(10_000);
@@ -378,7 +374,6 @@ impl Rig {
                 self.seen = self.seen.case(DROVE, true);
             }
         }
-        assert!(braked || !self.sample.supply_low);
         // Silence, from the last frame that was taken.
         let allowed = u32::from(self.config.stop_deadline().0) * 1000;
         let since_fresh = self.fresh.map(|fresh| self.now.since(fresh));
@@ -389,7 +384,7 @@ impl Rig {
         if self.robot.faults().intersects(Faults::BLOCKING) {
             assert!(braked && state == State::Faulted);
         }
-        assert!(state != State::Stopped || braked);
+        assert!(braked || state != State::Stopped && !self.sample.supply_low);
         let turned = self.robot.pose().heading != self.encoders.pose().heading;
         self.seen = self.seen.case(FAULTED, state == State::Faulted);
         self.seen = self.seen.case(FOLLOWED, turned);
