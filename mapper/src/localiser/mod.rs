@@ -33,8 +33,6 @@ use surface_map::SurfaceMap;
 const TURN_PER_100_MM: f64 = 0.25;
 /// Way of a sensor, mm, or turn of its beam, rad, before its next reading is kept.
 const SPACING: (f64, f64) = (5.0, 0.03);
-/// Swept readings at rest that make a stretch.
-const LOOK: f64 = 20.0;
 /// Elements that show a wall's direction, and how well they agree (mean cosine of four times the
 /// angle).
 const FEWEST_OF_WALL: f64 = 10.0;
@@ -68,8 +66,6 @@ pub struct Localiser {
     /// motion of the last frame and its duration, s.
     dead_reckoning: Pose2,
     motion: (Pose2, f64),
-    /// No wheel has turned since the last report.
-    rests: bool,
     /// Way since the end of the last stretch, turns included, mm.
     way_mm: f64,
     trace: Vec<Pose2>,
@@ -131,7 +127,6 @@ impl Localiser {
             last: None,
             dead_reckoning: Pose2::default(),
             motion: (Pose2::default(), 1.0),
-            rests: false,
             way_mm: 0.0,
             trace: Vec::new(),
             tracks: Default::default(),
@@ -159,8 +154,6 @@ impl Localiser {
         let motion = self.ekf.advance(&increment);
         self.dead_reckoning = self.dead_reckoning.compose(&motion);
         self.motion = (motion, increment.time_s.max(1e-3));
-        // By the wheels: a gyroscope is never quite still.
-        self.rests = between == Pose2::default();
         self.way_mm += motion.position().length_mm();
         self.way_mm += motion.heading_rad.abs() * 100.0 / TURN_PER_100_MM;
         let here = self.dead_reckoning;
@@ -212,11 +205,6 @@ impl Localiser {
         });
         if !near {
             track.readings.push(Reading { sensor, range_mm });
-            // A swept beam sees new ground with the robot at rest. A search remembers so many stretches, and needs
-            // their way.
-            if self.rests && self.search.is_none() {
-                self.way_mm += self.config.stretch_mm / LOOK;
-            }
         }
     }
 

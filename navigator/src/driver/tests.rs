@@ -63,9 +63,9 @@ fn unexplained_echo_ends_a_path_only_nearby() {
 #[test]
 fn gyro_rests_in_time() {
     let (mut driver, grid) = (Driver::new(Config::default()), Grid::new(25.0));
-    let (every_s, rest_s) = (driver.config.rest_every_s, driver.config.rest_s);
+    let (every_s, long_s) = (driver.config.rest_every_s, driver.config.rest_s);
     driver.rested_s = 0.0;
-    let rests = [0.0, every_s - 0.1, every_s, every_s + rest_s - 0.1].map(|time_s| {
+    let rests = [0.0, every_s - 0.1, every_s, every_s + long_s - 0.1].map(|time_s| {
         let step = driver.step(&grid, &status(time_s, Pose2::default()));
         step != Step::Arrived
     });

@@ -106,7 +106,7 @@ pub fn only_an_explicit_command_resumes(
     given!(supervisor.halted());
     supervisor.on_fresh(fresh, intent);
     let permit = supervisor.on_tick(fresh.after(after), true, true);
-    let command = resumes(&intent);
+    let command = resumes(intent);
     let blocked = supervisor.faults().intersects(Faults::BLOCKING);
     if !command || blocked {
         assert!(permit == AllowedMotion::Brake);
@@ -126,7 +126,7 @@ pub fn restarted_robot_stands_until_resumed(
     supervisor.raise(Faults::RESTARTED);
     supervisor.on_fresh(fresh, first);
     let permit = supervisor.on_tick(fresh.after(after), true, true);
-    let command = resumes(&first);
+    let command = resumes(first);
     assert!(permit == AllowedMotion::Brake || command);
     let cleared = !supervisor.faults().intersects(Faults::RESTARTED);
     seen!(
@@ -137,7 +137,7 @@ pub fn restarted_robot_stands_until_resumed(
 }
 
 /// Whether a frame tells a stopped robot to go on.
-fn resumes(command: &SupervisorCommand) -> bool {
+fn resumes(command: SupervisorCommand) -> bool {
     command.order == Order::Resume || (command.order == Order::None && command.resumes)
 }
 
