@@ -151,7 +151,7 @@ mod tests {
     }
 
     #[test]
-    fn way_that_somebody_blocks_is_waited_for() {
+    fn blocked_way_is_waited_for() {
         let (open, closed) = (["...................."; 8], ["..........#........."; 8]);
         for (gone_s, expected) in [(50.0, None), (150.0, Some(Outcome::Unreachable))] {
             let mut plan = GoTo::new(Config::default(), Point::new(1500.0, 400.0));

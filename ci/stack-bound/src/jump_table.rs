@@ -32,7 +32,8 @@ pub fn offsets(
     let mut entry = start;
     let is_code = |at: u32| program.instruction(at).is_some();
     while entry + size <= end && !is_code(entry) {
-        let Some(offset) = program.number(entry, size) else {
+        // To the table itself leads none: what follows is padding.
+        let Some(offset @ 1..) = program.number(entry, size) else {
             break;
         };
         let to = pc + 2 * offset;

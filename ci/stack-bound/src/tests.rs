@@ -257,6 +257,13 @@ fn offset_table_ends_at_its_first_target() {
     };
     assert_eq!(jump(1).unwrap().worst(), 8);
     assert!(jump(0x77).is_err());
+    // 3, 4, and a nop before what else stands there; then the same code.
+    let mut padded = program(&[&[0xE8DF, 0xF000]], &[]);
+    padded.add_data(CODE + 4, vec![3, 4, 0x00, 0xBF, 0x7B, 0x5C]);
+    let rest = [BX_LR, PUSH_R4_LR, POP_R4_PC];
+    padded.add_code(CODE + 10, "f0", &rest).unwrap();
+    let padded = Report::of(&padded, &Options::default());
+    assert_eq!(padded.unwrap().worst(), 8);
 }
 
 #[test]

@@ -173,23 +173,15 @@ fn body_frees_unknown_cells_around_the_way_and_marks_occupy() {
 
 #[test]
 fn coarse_cells_hide_a_part_of_the_clearance() {
-    let of_cells = |cell_mm: f64| {
+    for (cell_mm, hidden_mm) in [(25.0, 0.0), (50.0, 30.0), (100.0, 90.0)] {
         let (low, high) = (Point::new(0.0, 0.0), Point::new(999.0, 999.0));
         let wall = |point: Point| if point.x_mm > 900.0 { 4.0 } else { -4.0 };
         let grid = Grid::from_fn(cell_mm, low, high, wall);
         let map = CostMap::new(&grid, 0.0, &[], (&[], 100.0));
-        map.at(Point::new(500.0, 500.0))
-            .expect("on the grid")
-            .clearance_mm
-    };
-    let usual_mm = of_cells(25.0);
-    for (cell_mm, hidden_mm) in [(50.0, 30.0), (100.0, 90.0)] {
-        let found_mm = usual_mm - of_cells(cell_mm);
-        // A cell's middle is farther from the wall, or not.
-        assert!(
-            (found_mm - hidden_mm).abs() <= cell_mm,
-            "{cell_mm}: {found_mm}"
-        );
+        let node = map.at(Point::new(500.0, 500.0)).expect("on the grid");
+        // From middle to middle it is a number of cells, less the 4.5 % of a straight distance.
+        let cells = (node.clearance_mm + hidden_mm) / (0.955 * cell_mm);
+        assert!((cells - cells.round()).abs() < 0.05, "{cell_mm}: {cells}");
     }
 }
 

@@ -126,7 +126,7 @@ impl<'a> Measurement<'a> {
         )
     }
 
-    /// What was found by driving once more; none where nobody answers.
+    /// What was found by driving once more; none without an answer.
     pub fn verified<T>(&self, found: Result<T, Error>) -> Result<Option<T>, Error> {
         match found {
             Err(Error::Usage(why)) => {
