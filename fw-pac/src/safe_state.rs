@@ -29,7 +29,7 @@ pub fn outputs_off() {
     READY.output(Driver::PushPull);
 }
 
-/// Enters the safe state. `why` the last line says, ASCII.
+/// Enters the safe state. `why`, ASCII, stands in the log's last line.
 // Requirement: WIRE-safe-1
 pub fn halt(why: &[u8]) -> ! {
     cortex_m::interrupt::disable();

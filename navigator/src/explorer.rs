@@ -171,7 +171,7 @@ impl Explorer {
             }
             Goal::Begin => {
                 let (most_mm, margin_mm) = FIRST_WAY_MM;
-                let range_mm = status.ranges_mm[0].filter(|_| status.looks_ahead());
+                let range_mm = status.range_ahead_mm();
                 let room_mm = range_mm.map_or(most_mm / 2.0, |range| range - margin_mm);
                 if room_mm > 50.0 {
                     let way_mm = room_mm.min(most_mm);

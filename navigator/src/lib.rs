@@ -108,6 +108,11 @@ impl Status {
     fn looks_ahead(&self) -> bool {
         self.front_bearing_rad.abs() < AHEAD_RAD
     }
+
+    /// The front range, mm, where it was measured straight ahead.
+    fn range_ahead_mm(&self) -> Option<f64> {
+        self.ranges_mm[0].filter(|_| self.looks_ahead())
+    }
 }
 
 /// 15°, radians.

@@ -59,8 +59,7 @@ impl Manoeuvre {
             }
             Kind::Straight(mm) => {
                 let done = pose.relative_to(&from).x_mm;
-                let near = status.ranges_mm[0].is_some_and(|range| range < NEAR_MM);
-                let near = near && status.looks_ahead();
+                let near = status.range_ahead_mm().is_some_and(|range| range < NEAR_MM);
                 let blocked = mm > 0.0 && (near || status.obstacle_limited && elapsed_s > 0.5);
                 let left = (mm - done) * mm.signum();
                 let fastest = if mm < 0.0 {

@@ -32,7 +32,7 @@ pub fn offsets(
     let mut entry = start;
     let is_code = |at: u32| program.instruction(at).is_some();
     while entry + size <= end && !is_code(entry) {
-        // To the table itself leads none: what follows is padding.
+        // No entry leads to the table itself: a zero is padding.
         let Some(offset @ 1..) = program.number(entry, size) else {
             break;
         };

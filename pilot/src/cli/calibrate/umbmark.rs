@@ -101,9 +101,8 @@ pub fn run(
     let mut verified = None;
     if written && measurement.verifies(&connection.io)? {
         let again = squares(side, 1, false, &measurement, connection);
-        let again = measurement.verified(again)?;
-        let score = again.map(|again| umbmark::score(&again).map_err(Error::Calibration));
-        verified = score.transpose()?;
+        let score = again.and_then(|again| umbmark::score(&again).map_err(Error::Calibration));
+        verified = measurement.verified(score)?;
     }
     let end = |run: &SquareRun| End {
         clockwise: run.clockwise,
