@@ -4,6 +4,7 @@ use crate::serve::hub::Port;
 use crate::serve::listener::{Lines, STALLED, Transport};
 use crate::serve::protocol::{Frame, Message, Request, Tile, VERSION};
 use crate::serve::tiles;
+use host_link::board_io::Interrupt;
 use host_link::error::{Error, Exit};
 use mapper::Grid;
 use std::collections::{HashMap, VecDeque};
@@ -70,13 +71,18 @@ impl Client {
     /// Joins a control loop of the same process, which may take so long until it has opened the robot.
     ///
     /// # Errors
-    /// Those of [`Self::request`].
-    pub fn local(port: Port, name: &str, opens_within: Duration) -> Result<Self, Error> {
+    /// Those of [`Self::request`]; [`Error::Interrupted`].
+    pub fn local(
+        port: Port,
+        name: &str,
+        opens_within: Duration,
+        interrupt: &Interrupt,
+    ) -> Result<Self, Error> {
         let (messages, _) = port.join(name.into());
         let queue = VecDeque::new();
         let link = Link::Local(port, messages);
         let mut client = Self { link, queue };
-        client.await_reply(opens_within + REPLY)?;
+        client.await_reply(opens_within + REPLY, interrupt)?;
         Ok(client)
     }
 
@@ -85,19 +91,24 @@ impl Client {
     /// # Errors
     /// [`Error::Server`]: the refusal, or that the server has ended.
     pub fn request(&mut self, request: &Request) -> Result<(), Error> {
+        let never = Interrupt::new();
         match &mut self.link {
             Link::Socket(lines, _) => {
                 let line = serde_json::to_string(request).unwrap_or_default();
-                lines.send(&line).map_err(lost)?;
+                if let Err(cause) = lines.send(&line) {
+                    // Why a server drops a client is its last message.
+                    return self.await_reply(REPLY, &never).and(Err(lost(cause)));
+                }
             }
             Link::Local(port, _) => port.ask(Ok(request.clone())),
         }
-        self.await_reply(REPLY)
+        self.await_reply(REPLY, &never)
     }
 
-    fn await_reply(&mut self, within: Duration) -> Result<(), Error> {
+    fn await_reply(&mut self, within: Duration, interrupt: &Interrupt) -> Result<(), Error> {
         let ends = Instant::now() + within;
         while Instant::now() < ends {
+            interrupt.check()?;
             match self.receive()? {
                 Some(Message::Reply { error: None, .. }) => return Ok(()),
                 Some(Message::Reply {

@@ -5,7 +5,9 @@ mod pose_follower;
 
 pub use meanwhile::meanwhile;
 
+use fw_core::eeprom::Config;
 use fw_core::wire::{Field, Report};
+use host_link::board_io::BoardIo;
 use host_link::error::Error;
 use host_link::pose::Pose;
 use host_link::session::{CommandRequest, Session, VelocityRequest};
@@ -83,7 +85,7 @@ pub fn go_to(
     criteria: &ArrivalCriteria,
     mut watch: impl FnMut(&Report, &Snapshot),
 ) -> Result<Arrival, Error> {
-    follow(session, target, criteria, |session, report| {
+    follow(session, target, criteria, |session, report, _| {
         if let Some(report) = report {
             watch(report, session.snapshot());
         }
@@ -103,7 +105,38 @@ pub fn resume_to_pose(session: &mut Session<'_>) -> Result<(), Error> {
     session.resume()
 }
 
-/// [`go_to`] whose `watch` is also called for frames without a valid reply, and may end the drive.
+/// Reads the EEPROM and starts exchanging frames.
+///
+/// # Errors
+/// Those of [`Session::open`] and [`check_rate`].
+pub fn open_session(
+    io: &mut BoardIo,
+    rate_hz: u32,
+    ready_timeout_ms: u32,
+) -> Result<Session<'_>, Error> {
+    let session = Session::open(io, rate_hz, ready_timeout_ms)?;
+    check_rate(rate_hz, session.config())?;
+    Ok(session)
+}
+
+/// The stop deadline must survive the loss of a frame.
+///
+/// # Errors
+/// [`Error::Usage`].
+pub fn check_rate(rate_hz: u32, config: &Config) -> Result<(), Error> {
+    let deadline_ms = u32::from(config.stop_deadline().0);
+    let least = 2000_u32.div_ceil(deadline_ms.max(1));
+    if rate_hz >= least {
+        return Ok(());
+    }
+    Err(Error::Usage(format!(
+        "--rate {rate_hz}: frames would come {} ms apart, and the stop deadline is {deadline_ms} ms; accepted is {least} or more",
+        1000 / rate_hz.max(1)
+    )))
+}
+
+/// [`go_to`] whose `watch` is also called for frames without a valid reply, with the velocity that was sent, and
+/// may end the drive.
 ///
 /// # Errors
 /// Those of [`go_to`] and of `watch`; the robot is stopped first.
@@ -111,7 +144,11 @@ pub fn follow<'m>(
     session: &mut Session<'m>,
     target: Pose,
     criteria: &ArrivalCriteria,
-    mut watch: impl FnMut(&mut Session<'m>, Option<&Report>) -> Result<(), Error>,
+    mut watch: impl FnMut(
+        &mut Session<'m>,
+        Option<&Report>,
+        Option<VelocityRequest>,
+    ) -> Result<(), Error>,
 ) -> Result<Arrival, Error> {
     resume_to_pose(session)?;
     let mode = session.config().mode();
@@ -142,7 +179,7 @@ pub fn follow<'m>(
             });
         }
         let report = moving.exchange(&request)?;
-        watch(moving.session, report.as_ref())?;
+        watch(moving.session, report.as_ref(), request.velocity)?;
         if let Some(report) = report {
             let session = &*moving.session;
             session.ensure_drivable(report.state, report.faults)?;

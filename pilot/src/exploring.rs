@@ -14,6 +14,7 @@ use fw_core::eeprom::Config;
 use fw_core::types::Faults;
 use fw_core::wire::{Order, Report, State};
 use host_link::error::Error;
+use host_link::pose::Pose;
 use host_link::session::{CommandRequest, Session, VelocityRequest};
 use host_link::snapshot::{self, Snapshot};
 use mapper::{Grid, Localiser, Observation, Pose2, PoseEstimate};
@@ -95,6 +96,12 @@ impl Localisation {
         self.raw.add(sample);
         self.path.push(estimate.pose);
         estimate
+    }
+
+    /// The origin of the reported poses in the corrected map.
+    pub fn odom_in_map(&self) -> Pose {
+        let reported = self.raw.trace().last().copied().unwrap_or_default();
+        mapping::odom_in_map(&self.localiser.estimate().pose, reported)
     }
 
     /// Writes `stem`.png (the corrected map under the estimated path), `stem`.pgm and `stem`.yaml.

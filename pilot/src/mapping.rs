@@ -197,6 +197,12 @@ pub fn reported_pose(pose: &Pose2) -> Pose {
     Pose::new(pose.x_mm, pose.y_mm, pose.heading_rad.to_degrees())
 }
 
+/// The origin of the reported poses in the map, where a reported pose is estimated to be this one.
+pub fn odom_in_map(estimate: &Pose2, reported: Pose) -> Pose {
+    let start = Pose2::default().relative_to(&mapper_pose(reported));
+    reported_pose(&estimate.compose(&start))
+}
+
 /// Where a rangefinder looks, turns counter-clockwise from straight ahead.
 pub fn bearing_turns(config: &Config, rangefinder: RangefinderId) -> f64 {
     f64::from(config.bearing(rangefinder).0.cast_signed()) / 4_294_967_296.0

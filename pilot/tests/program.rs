@@ -22,7 +22,9 @@ fn record(path: &Path, begin_us: u64, along_mm: &[f64]) {
         };
         recorder.add(&sample).unwrap();
     }
-    recorder.finish(1_000_000, &Grid::new(25.0)).unwrap();
+    recorder
+        .finish(1_000_000, &Grid::new(25.0), Pose::default())
+        .unwrap();
 }
 
 fn robot() -> Command {

@@ -130,11 +130,11 @@ fn killed_program_leaves_a_robot_that_stops_and_is_repaired() {
     println!("undone: {outcomes:?}");
     let mut goto = pi.start("goto 400 0 0");
     let moves = || pi.devices.board.truth().duty != Sides::default();
-    let begins = (0..500).any(|_| {
+    let begins = || {
         sleep(Duration::from_millis(10));
         moves()
-    });
-    assert!(begins, "nothing moves");
+    };
+    assert!((0..500).any(|_| begins()), "nothing moves");
     goto.kill().expect("a child");
     goto.wait().expect("ended");
     sleep(STOPPED);
@@ -147,6 +147,13 @@ fn killed_program_leaves_a_robot_that_stops_and_is_repaired() {
     let text = pi.expect(0, "goto 60 0 0");
     reports(&text, "arrived at");
     assert!(!text.contains("was killed"), "{text}");
+    // A request to end, as a service's, is no kill.
+    let mut goto = pi.start("goto 400 0 0");
+    assert!((0..500).any(|_| begins()), "nothing moves");
+    let ended = Command::new("kill").arg(goto.id().to_string()).status();
+    assert!(ended.is_ok_and(|status| status.success()));
+    assert_eq!(goto.wait().expect("ended").code(), Some(130));
+    assert!(!moves(), "the motors do not stop");
 }
 
 #[test]

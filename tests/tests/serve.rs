@@ -119,7 +119,8 @@ fn driver_that_is_gone_or_stopped_stops_the_wheels() {
 fn released_key_and_leaving_stop_the_wheels() {
     serve(|hub, board| {
         let port = hub.admit().expect("a place");
-        let mut client = Client::local(port, "teleop", Duration::ZERO).expect("joined");
+        let mut client =
+            Client::local(port, "teleop", Duration::ZERO, &Interrupt::new()).expect("joined");
         for (leaves, limit_us) in [(false, 1_000_000), (true, DEADLINE_US)] {
             let mut since_us = None;
             let dead_man = Some(DeadMan::new(150.0, 45.0));

@@ -52,7 +52,7 @@ pub fn run(
     let mut from = start;
     for (index, there) in waypoints.iter().enumerate() {
         let target = there.in_frame_of(start);
-        follow(session, target, criteria, |session, report| {
+        follow(session, target, criteria, |session, report, _| {
             session.check_answered(MAX_UNANSWERED)?;
             let Some(pose) = report.and(session.snapshot().pose) else {
                 return Ok(());

@@ -230,9 +230,9 @@ pub struct Serve {
     #[cfg(feature = "web")]
     #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8080")]
     pub web: Option<String>,
-    /// With --virtual: how many times faster than real time, or max
-    #[arg(long, value_name = "N", default_value = "1", value_parser = parse_speed)]
-    pub speed: Speed,
+    /// With --virtual: how many times faster than real time, or max; 1 without it
+    #[arg(long, value_name = "N", value_parser = parse_speed)]
+    pub speed: Option<Speed>,
     /// Write the mode Guarded Velocity to the EEPROM without asking, where it holds another
     #[arg(long)]
     pub yes: bool,
@@ -330,7 +330,7 @@ pub struct Map {
     #[arg(required_unless_present = "from", conflicts_with = "from")]
     pub tour: Option<PathBuf>,
     /// Draw from a recording instead of driving
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["tolerance_mm", "tolerance_deg", "timeout"])]
     pub from: Option<PathBuf>,
     /// Record while driving (MCAP with ROS 2 messages)
     #[arg(long, value_name = "FILE", conflicts_with = "from")]

@@ -23,6 +23,10 @@ const LAST_STEP: &str = ": link frames ";
 pub fn run(options: &Bringup, context: Context<'_>) -> Result<Exit, Error> {
     let mut findings = Findings::default();
     let is_file = fs::metadata(&options.log).is_ok_and(|present| present.is_file());
+    if is_file && options.link {
+        let what = "--link exchanges frames while a serial device is read, not with a file";
+        return Err(Error::Usage(what.into()));
+    }
     let log = if is_file {
         file::read_text(&options.log)?
     } else {

@@ -11,6 +11,7 @@ use host_link::file;
 use host_link::session::Session;
 use pilot::borrowed::Borrowed;
 use pilot::client::Client;
+use pilot::drive;
 use pilot::ground_truth::GroundTruth;
 use pilot::serve::control;
 use pilot::serve::hub::Hub;
@@ -131,14 +132,19 @@ impl Context<'_> {
             let (hub, events) = Hub::new();
             // Ctrl-C ends the client, and its end the server.
             let io = &mut connection.io;
-            io.interrupt = Interrupt::new();
+            let interrupt = std::mem::replace(&mut io.interrupt, Interrupt::new());
             let ended = io.interrupt.raised_on_drop();
             thread::scope(|scope| {
                 let client = scope.spawn(move || {
                     let _ended = ended;
                     let port = hub.admit().ok_or(Error::Interrupted)?;
                     let opens_within = Duration::from_millis(self.board.ready_timeout.into());
-                    job(&mut Client::local(port, self.command, opens_within)?)
+                    job(&mut Client::local(
+                        port,
+                        self.command,
+                        opens_within,
+                        &interrupt,
+                    )?)
                 });
                 let served = control::run(io, &options, events);
                 let done = client.join().unwrap_or_else(|panic| resume_unwind(panic));
@@ -149,9 +155,7 @@ impl Context<'_> {
 
     /// Reads the EEPROM and starts exchanging frames.
     pub fn open_session<'io>(&self, io: &'io mut BoardIo) -> Result<Session<'io>, Error> {
-        let session = Session::open(io, self.board.rate, self.board.ready_timeout)?;
-        self.check_rate(session.config())?;
-        Ok(session)
+        drive::open_session(io, self.board.rate, self.board.ready_timeout)
     }
 
     /// The stop deadline must survive the loss of a frame.
@@ -159,15 +163,7 @@ impl Context<'_> {
     /// # Errors
     /// [`Error::Usage`].
     pub fn check_rate(&self, config: &Config) -> Result<(), Error> {
-        let (rate, deadline_ms) = (self.board.rate, u32::from(config.stop_deadline().0));
-        let least = 2000_u32.div_ceil(deadline_ms.max(1));
-        if rate >= least {
-            return Ok(());
-        }
-        Err(Error::Usage(format!(
-            "--rate {rate}: frames would come {} ms apart, and the stop deadline is {deadline_ms} ms; accepted is {least} or more",
-            1000 / rate.max(1)
-        )))
+        drive::check_rate(self.board.rate, config)
     }
 
     /// Where something about this robot is kept from run to run.

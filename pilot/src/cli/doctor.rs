@@ -26,7 +26,13 @@ pub fn run(doctor: &Doctor, context: Context<'_>) -> Result<Exit, Error> {
     match outcome {
         // Its cause is among the findings already.
         Err(Error::Device { .. }) if devices_fail => {}
-        outcome => outcome?,
+        Err(error) => {
+            if !findings.0.is_empty() {
+                report(&findings, context)?;
+            }
+            return Err(error);
+        }
+        Ok(()) => {}
     }
     report(&findings, context)
 }
@@ -48,8 +54,14 @@ fn check(
 ) -> Result<(), Error> {
     let (rate, timeout) = (context.board.rate, context.board.ready_timeout);
     let image = doctor::check_board(io, rate, timeout, findings)?;
-    let (true, Some(image)) = (doctor.wheels_up, image) else {
-        return Ok(());
+    let image = match image {
+        Some(image) if doctor.wheels_up => image,
+        image => {
+            if doctor.wheels_up && image.is_none() {
+                doctor::skip_wheels(findings);
+            }
+            return Ok(());
+        }
     };
     let what = "Lift the wheels off the floor; they will turn ahead and back.";
     prompt::confirm_drive(doctor.yes, what, &io.interrupt, context.output)?;

@@ -56,7 +56,8 @@ pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
         let learned = Explored::new(session.config(), &localisation.localiser.calibration());
         let end_us = session.now_us();
         if let Some(recorder) = recorder {
-            written = written.and(recorder.finish(end_us, localisation.localiser.grid()));
+            let (grid, odom) = (localisation.localiser.grid(), localisation.odom_in_map());
+            written = written.and(recorder.finish(end_us, grid, odom));
         }
         // What was seen before an error is worth keeping, whatever the error was.
         let link = session.statistics();

@@ -51,7 +51,8 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
                 let end_us = session.now_us();
                 let localisation = localised(session.config(), body_mm, cell_mm, &samples);
                 if let Some(recorder) = recorder {
-                    written = written.and(recorder.finish(end_us, localisation.localiser.grid()));
+                    let (grid, odom) = (localisation.localiser.grid(), localisation.odom_in_map());
+                    written = written.and(recorder.finish(end_us, grid, odom));
                 }
                 let link = Some(session.statistics());
                 let saved = save(map, &localisation, link, context);

@@ -2,6 +2,7 @@
 
 use super::args::{Monitor, Teleop};
 use super::connection::{Context, interrupt};
+use super::output::Output;
 use super::{explore, screen};
 use host_link::error::{Error, Exit};
 use host_link::snapshot::Snapshot;
@@ -51,6 +52,7 @@ fn lines(client: &mut Client, monitor: &Monitor, context: Context<'_>) -> Result
     let (mut remaining, mut shown_us) = (monitor.count.unwrap_or(u64::MAX), None);
     while remaining > 0 {
         interrupt.check()?;
+        Output::check_reader()?;
         let Some(Message::Frame(frame)) = client.message()? else {
             continue;
         };

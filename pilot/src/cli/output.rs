@@ -3,6 +3,7 @@
 use host_link::eeprom::Progress;
 use host_link::error::Error;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::termios::tcgetwinsize;
 use serde::Serialize;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 
@@ -73,10 +74,15 @@ impl Output {
         self.message(&format!("robot: {text}"));
     }
 
-    /// A line that the next one overwrites, on a terminal only.
+    /// A line that the next one overwrites, on a terminal only: as much of it as fits into a row.
     pub fn live(self, text: &str) {
         if self.is_live() {
             let mut stderr = io::stderr().lock();
+            let columns = tcgetwinsize(&stderr).map_or(0, |size| size.ws_col.into());
+            let text = text
+                .char_indices()
+                .nth(columns.max(2) - 1)
+                .map_or(text, |(end, _)| &text[..end]);
             let _ = write!(stderr, "\r\x1b[K{text}").and_then(|()| stderr.flush());
         }
     }

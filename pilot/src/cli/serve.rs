@@ -15,6 +15,9 @@ use std::sync::Arc;
 /// Runs the command.
 pub fn run(serve: &Serve, context: Context<'_>) -> Result<(), Error> {
     let simulated = context.board.virtual_board.chosen;
+    if serve.speed.is_some() && !simulated {
+        return Err(Error::Usage("--speed is for --virtual only".into()));
+    }
     context.with_own_board(|connection| {
         if simulated {
             configure_blank(connection, context)?;
@@ -44,7 +47,7 @@ pub fn run(serve: &Serve, context: Context<'_>) -> Result<(), Error> {
             rate_hz: context.board.rate,
             ready_timeout_ms: context.board.ready_timeout,
             body_mm: context.board.body_radius,
-            speed: match serve.speed {
+            speed: match serve.speed.unwrap_or(Speed::Times(1.0)) {
                 Speed::Times(speed) if simulated => Some(speed),
                 _ => None,
             },

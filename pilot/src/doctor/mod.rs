@@ -8,7 +8,7 @@ mod wheels;
 
 pub use board::check as check_board;
 pub use computer::check as check_computer;
-pub use wheels::check as check_wheels;
+pub use wheels::{check as check_wheels, skip as skip_wheels};
 
 use serde::Serialize;
 

@@ -37,6 +37,11 @@ const DRIFT_TURNS: f64 = 0.01;
 /// Largest difference of the dead zone from the EEPROM's, percent of duty.
 const DEAD_ZONE_ERROR: f64 = 8.0;
 
+/// Skips the checks of a robot that is not fit for them.
+pub fn skip(findings: &mut Findings) {
+    findings.skip(&CHECKS, "an earlier check failed");
+}
+
 /// Changes the mode for the time of the checks. The wheels turn.
 ///
 /// # Errors

@@ -154,12 +154,14 @@ impl Recorder {
         self.write("/diagnostics", us, &DiagnosticArray::of(us, snapshot))
     }
 
-    /// Adds the map and ends the file with its index.
+    /// Adds the map, with the origin of the reported poses in it, and ends the file with its index.
     ///
     /// # Errors
     /// [`Error::Unwritable`].
-    pub fn finish(mut self, us: u64, grid: &Grid) -> Result<(), Error> {
-        let message = OccupancyGrid::of(us, "odom", grid);
+    pub fn finish(mut self, us: u64, grid: &Grid, odom: Pose) -> Result<(), Error> {
+        let transforms = vec![TransformStamped::of(us, "map", "odom", odom)];
+        self.write("/tf_static", us, &TfMessage { transforms })?;
+        let message = OccupancyGrid::of(us, "map", grid);
         self.write("/map", us, &message)?;
         let finished = self.writer.finish();
         finished.map_err(|cause| Error::unwritable(&self.path, &cause))?;
@@ -261,7 +263,9 @@ mod tests {
             recorder.add_state(&snapshot).unwrap();
         }
         if finish {
-            recorder.finish(5_000_000, &Grid::new(25.0)).unwrap();
+            recorder
+                .finish(5_000_000, &Grid::new(25.0), Pose::default())
+                .unwrap();
         } else {
             // As a kill: nothing that is buffered reaches the file.
             std::mem::forget(recorder);
@@ -382,7 +386,9 @@ mod tests {
         let path = folder.path().join("drive.mcap");
         let mut recorder = create(&path);
         recorder.add(&nowhere()).unwrap();
-        recorder.finish(0, &Grid::new(25.0)).unwrap();
+        recorder
+            .finish(0, &Grid::new(25.0), Pose::default())
+            .unwrap();
         let refused = load(&path).unwrap_err().to_string();
         assert!(refused.contains("no report of a pose"), "{refused}");
     }

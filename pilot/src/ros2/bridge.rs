@@ -94,6 +94,8 @@ impl<W: FnMut(&str)> Bridge<'_, W> {
         if let Some(pose) = robot.pose.filter(|_| fresh && frame.error.is_none()) {
             let now = (robot.time_us, pose);
             let last = self.last.replace(now);
+            // A restart of the STM is no way that was driven.
+            let last = last.filter(|&(us, pose)| !robot.has_jumped_since(us, pose));
             let _ = node.odom.publish(reports::odometry(us, now, last));
             let _ = node.tf.publish(reports::transforms(us, frame));
             let ranges = RANGE_FRAMES.into_iter().zip(robot.ranges_mm);

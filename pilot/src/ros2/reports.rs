@@ -1,12 +1,11 @@
 //! What a frame of the server says, as messages.
 
-use crate::mapping::{mapper_pose, reported_pose};
+use crate::mapping::{mapper_pose, odom_in_map};
 use crate::ros_messages::{
     DiagnosticArray, Header, Odometry, RANGE_FRAMES, TfMessage, TransformStamped, Twist,
 };
 use crate::serve::protocol::Frame;
 use host_link::pose::Pose;
-use mapper::Pose2;
 
 /// Longest time between two poses that is a velocity, microseconds.
 const MAX_STEP_US: u64 = 1_000_000;
@@ -39,10 +38,8 @@ pub fn transforms(us: u64, frame: &Frame) -> TfMessage {
     if let Some(pose) = frame.robot.pose {
         let transform = TransformStamped::of(us, "odom", "base_link", pose);
         if let Some(estimate) = frame.estimate {
-            let start = Pose2::default().relative_to(&mapper_pose(pose));
-            let odom = mapper_pose(estimate.pose).compose(&start);
-            let odom = TransformStamped::of(us, "map", "odom", reported_pose(&odom));
-            transforms.push(odom);
+            let odom = odom_in_map(&mapper_pose(estimate.pose), pose);
+            transforms.push(TransformStamped::of(us, "map", "odom", odom));
         }
         transforms.push(transform);
     }

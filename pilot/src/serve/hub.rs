@@ -6,8 +6,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender, SyncSender};
 use std::time::Instant;
 
-/// Most clients at a time.
+/// Most clients at a time …
 pub const MAX_CLIENTS: usize = 64;
+/// … and while this many are there, none joins over a network: this computer's `stop` has a place.
+pub const MAX_WITH_NETWORK: usize = 48;
 /// Messages that a client may be behind before it is dropped: 12 s of frames.
 const QUEUE: usize = 512;
 
@@ -62,6 +64,7 @@ impl Client {
 pub struct Hub {
     events: Sender<Event>,
     clients: Arc<AtomicUsize>,
+    most: usize,
     next: Arc<AtomicUsize>,
 }
 
@@ -73,14 +76,25 @@ impl Hub {
         let hub = Self {
             events,
             clients,
+            most: MAX_CLIENTS,
             next,
         };
         (hub, receiver)
     }
 
+    /// The same hub for the clients of a network.
+    #[must_use]
+    pub fn of_network(&self) -> Self {
+        let most = MAX_WITH_NETWORK;
+        Self {
+            most,
+            ..self.clone()
+        }
+    }
+
     /// A place for one more client, if there is one.
     pub fn admit(&self) -> Option<Port> {
-        let place = |count| (count < MAX_CLIENTS).then_some(count + 1);
+        let place = |count| (count < self.most).then_some(count + 1);
         let (done, missed) = (Ordering::AcqRel, Ordering::Acquire);
         self.clients.fetch_update(done, missed, place).ok()?;
         let (id, hub) = (self.next.fetch_add(1, Ordering::Relaxed), self.clone());

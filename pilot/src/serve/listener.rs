@@ -282,6 +282,11 @@ pub fn accept_tcp(listener: &TcpListener) -> io::Result<UnixStream> {
 pub fn tcp(address: &str, token: &Arc<str>, hub: &Hub) -> Result<(), Error> {
     let (listener, token) = (bind(address)?, Arc::clone(token));
     let client = move |stream, port| serve(&Lines(stream), &port, Some(&token));
-    accept(hub, move || accept_tcp(&listener), client, refuse_line);
+    accept(
+        &hub.of_network(),
+        move || accept_tcp(&listener),
+        client,
+        refuse_line,
+    );
     Ok(())
 }

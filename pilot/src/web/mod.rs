@@ -49,7 +49,7 @@ pub fn serve(address: &str, token: &Arc<str>, hub: &Hub) -> Result<String, Error
         let _ = refuse(stream, "503 Service Unavailable", "too many clients");
     };
     let next = move || listener::accept_tcp(&listener);
-    listener::accept(hub, next, client, full);
+    listener::accept(&hub.of_network(), next, client, full);
     Ok(url)
 }
 

@@ -3,7 +3,7 @@
 use crate::{join, serve};
 use host_link::error::Error;
 use pilot::client::Client;
-use pilot::serve::hub::{self, Event, Hub, MAX_CLIENTS};
+use pilot::serve::hub::{self, Event, Hub, MAX_CLIENTS, MAX_WITH_NETWORK};
 use pilot::serve::listener::{self, GREETING, Lines};
 use pilot::serve::protocol::{MAX_LINE, Request};
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
@@ -222,6 +222,8 @@ fn socket_client_that_does_not_read_loses_its_place() {
         let mut answers = BufReader::new(&client).lines();
         while !answers.next().unwrap().unwrap().contains("map") {}
         assert_eq!(free_places(hub), MAX_CLIENTS - 1);
+        // A network cannot take the places of this computer's clients.
+        assert_eq!(free_places(&hub.of_network()), MAX_WITH_NETWORK - 1);
         let ends = Instant::now() + Duration::from_secs(10);
         while free_places(hub) != MAX_CLIENTS {
             assert!(Instant::now() < ends);

@@ -6,6 +6,7 @@ mod driving;
 
 use fw_core::eeprom::{Image, fields};
 use fw_core::wire::{Command, Mode, Order};
+use host_link::board_io::Interrupt;
 use host_link::eeprom::journal::Journal;
 use host_link::mock_board::{OnCommand, Shared, mock_board};
 use pilot::client::Client;
@@ -70,7 +71,13 @@ impl Served {
 const EXPLORE: Request = Request::Explore { lease_ms: 2000 };
 
 fn join(hub: &Hub, name: &str) -> Client {
-    Client::local(hub.admit().unwrap(), name, Duration::ZERO).unwrap()
+    Client::local(
+        hub.admit().unwrap(),
+        name,
+        Duration::ZERO,
+        &Interrupt::new(),
+    )
+    .unwrap()
 }
 
 fn drive(forward_mm_s: f64, lease_ms: u32) -> Request {

@@ -146,8 +146,7 @@ pub fn run(io: &mut BoardIo, options: &Options, events: Receiver<Event>) -> Resu
     };
     let interrupt = io.interrupt.clone();
     loop {
-        let session = Session::open(io, options.rate_hz, options.ready_timeout_ms);
-        let ended = match session {
+        let ended = match drive::open_session(io, options.rate_hz, options.ready_timeout_ms) {
             Ok(mut session) => server.serve(&mut session),
             Err(error) if server.latest.is_none() => return Err(error),
             Err(error) => Err(error),
@@ -202,7 +201,8 @@ impl Server {
         let outcome = match motion {
             Motion::Velocity => self.follow_velocity(session),
             Motion::Pose(target) => {
-                let watch = |session: &mut Session<'_>, report: Option<&Report>| {
+                let watch = |session: &mut Session<'_>, report: Option<&Report>, velocity| {
+                    self.velocity = Option::unwrap_or_default(velocity);
                     self.frame(session, report)
                 };
                 drive::follow(session, target, &ArrivalCriteria::default(), watch).map(|_| ())
@@ -217,7 +217,7 @@ impl Server {
         };
         let activity = std::mem::take(&mut self.activity);
         let seconds = drive::seconds_since(begun_us, session.now_us());
-        self.cancelled = None;
+        (self.cancelled, self.targets) = (None, 0);
         self.report_end(activity, outcome.as_ref().err(), seconds);
         if self.next.is_none() {
             self.lease = None;

@@ -55,9 +55,10 @@ pub fn run(
     }
     run.localisation.save_map(&out.join("map"))?;
     run.localisation.raw.save_map(&out.join("map-raw"))?;
-    recorder.finish(board.now_us(), run.localisation.localiser.grid())?;
+    let grid = run.localisation.localiser.grid();
+    recorder.finish(board.now_us(), grid, run.localisation.odom_in_map())?;
     outcome?;
-    let map = map_plot::map(run.localisation.localiser.grid())?;
+    let map = map_plot::map(grid)?;
     for (name, picture) in [
         ("map.png", map),
         ("trajectory.png", run.trajectory_plot(room)?),
