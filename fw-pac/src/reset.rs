@@ -6,8 +6,9 @@ use stm32f4::stm32f411::RCC;
 /// Reset cause, the most specific of the flags.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Cause {
-    /// Power-on or brown-out.
     Power,
+    /// The supply fell below the brown-out level, as motors that stall on a weak battery make it.
+    BrownOut,
     /// NRST: the Pi or the button.
     Pin,
     /// A watchdog: the firmware hung or ended in the safe state.
@@ -21,15 +22,16 @@ impl Cause {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Power => "power-on",
+            Self::BrownOut => "brown-out",
             Self::Pin => "reset by pin",
             Self::Watchdog => "watchdog reset",
             Self::Software => "software reset",
         }
     }
 
-    /// Whether the firmware failed before the reset.
+    /// Whether the firmware or its supply failed before the reset.
     pub const fn is_fault(self) -> bool {
-        matches!(self, Self::Watchdog | Self::Software)
+        !matches!(self, Self::Power | Self::Pin)
     }
 }
 
@@ -45,8 +47,11 @@ pub fn cause() -> Cause {
         Cause::Watchdog
     } else if flags.sftrstf().bit_is_set() {
         Cause::Software
-    } else if flags.porrstf().bit_is_set() || flags.borrstf().bit_is_set() {
+    } else if flags.porrstf().bit_is_set() {
+        // It sets the brown-out's flag too.
         Cause::Power
+    } else if flags.borrstf().bit_is_set() {
+        Cause::BrownOut
     } else {
         Cause::Pin
     }

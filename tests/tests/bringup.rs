@@ -17,7 +17,7 @@ const LIMIT_US: u64 = 90_000_000;
 const BOTH: &[&str] = &["left", "right"];
 
 /// Runs the steps on a board that was spoilt before its power came; turns the wheels of `hands` when asked;
-/// exchanges frames at the end.
+/// exchanges frames at the end. Hands that turn `always` are an encoder's noise.
 fn bring_up(options: Options, hands: &[&str], spoil: impl FnOnce(&Rig)) -> (Findings, Rig) {
     let rig = Rig::with_elf(&elf(ELF_BRINGUP), options);
     spoil(&rig);
@@ -26,15 +26,24 @@ fn bring_up(options: Options, hands: &[&str], spoil: impl FnOnce(&Rig)) -> (Find
         log.contains(&begin) && !log.contains(&format!("turned {name}"))
     };
     let linked = |rig: &Rig| rig.log().contains("link frames");
+    // Samples after the warning, and those in which a motor runs.
+    let (mut warned, mut runs) = (0, 0);
     let ended = rig.run_until(LIMIT_US, 20_000, |_| {
         let log = rig.log();
-        let turned = |name| hands.contains(&name) && asked(&log, name);
+        warned += u32::from(log.contains("hands off"));
+        let is_run = !rig.motors_off() && !log.contains("stack overflows");
+        assert!(!is_run || warned >= 145, "{warned}");
+        runs += u32::from(is_run);
+        let always = hands.contains(&"always");
+        let turned = |name| always || hands.contains(&name) && asked(&log, name);
         let turns = |name| HAND_DEG_S * f64::from(u8::from(turned(name)));
         let speeds = Sides::new(turns("left"), turns("right"));
         rig.world(move |world| world.hand_deg_s = speeds);
         linked(&rig)
     });
     assert!(ended, "{}", rig.log());
+    // Two motors run and brake, each both ways, for 0.4 s each.
+    assert!(runs == 0 || (70..=170).contains(&runs), "{runs}");
     let mut findings = Findings::default();
     let open = |hz| Ok(board_io(&rig.board, hz, Interrupt::new()));
     bringup::exchange(open, 12_000_000, 100, &mut findings).expect("the bus works");
@@ -83,7 +92,7 @@ fn bringup_mistake_of_the_hardware_fails_its_check() {
     };
     let mistake =
         |expected: &str, options, spoil: &dyn Fn(&Rig)| mistakes(&[expected], options, spoil);
-    for crystal_hz in [0, 25_000_000] {
+    for crystal_hz in [0, 12_000_000, 25_000_000] {
         let mut other = sound();
         other.crystal_hz = crystal_hz;
         mistake("crystal", other, &|_| ());
@@ -128,4 +137,9 @@ fn bringup_wheels_not_turned_by_hand_motors_stay_off() {
         let resting: Vec<_> = resting.map(|name| format!("encoder {name}")).collect();
         assert_eq!(findings.failed(), resting);
     }
+    // Inputs that count noise are no hands.
+    let (findings, _) = bring_up(sound(), &["always"], |_| ());
+    assert_eq!(findings.failed()[0], "encoders at rest", "{findings:#?}");
+    let skipped = named(&findings, Outcome::Skipped);
+    assert_eq!(skipped, ["motor left", "motor right"], "{findings:#?}");
 }

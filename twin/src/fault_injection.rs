@@ -64,6 +64,11 @@ impl Board {
         self.act_on_chip(|chip, _| chip.start_lse());
     }
 
+    /// The reset that follows is a brown-out's.
+    pub fn brown_out(&self) {
+        self.act_on_chip(|chip, _| chip.brown_out());
+    }
+
     /// The converter stops: no conversion ends any more.
     pub fn stop_converter(&self) {
         self.change(RCC_APB2ENR, |clocks| clocks & !ADC1EN);

@@ -48,7 +48,7 @@ impl Crc32 {
 /// value and final inversion 0xFFFFFFFF, polynomial 0x04C11DB7, reflected. "123456789" gives 0xCBF43926.
 ///
 /// It detects every burst of up to 32 bits, and here, up to 91,607 bits long, every error of up to
-/// 3 bits (the protected bytes are 1680).
+/// 3 bits (the protected bytes are 1856).
 pub fn crc32(before: u32, bytes: &[u8]) -> u32 {
     let mut crc = Crc32(!before);
     for &byte in bytes {

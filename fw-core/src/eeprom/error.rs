@@ -164,7 +164,7 @@ impl ConfigError {
         line.text(", accepted: ");
         self.expected.log(line);
         if self.address == LAYOUT_VERSION.address {
-            line.text("; run `robot eeprom write`");
+            line.text("; run robot eeprom migrate");
         }
     }
 }

@@ -224,7 +224,7 @@ cells 9 02 address 0x03: cells is 9, accepted: 1 to 8
 mode 7 00 address 0x0C: mode is 7, accepted: 0x00, 0x01, 0x02, 0x10, 0x11, 0x12, 0x20, 0x30
 mode 20 03 address 0x18: servo is 0, accepted: 1 in mode 0x20
 signs_reserved 5 03 address 0x10: signs_reserved is 5, accepted: 0
-layout_version 1 03 address 0x00: layout_version is 1, accepted: 2; run `robot eeprom write`";
+layout_version 1 03 address 0x00: layout_version is 1, accepted: 2; run robot eeprom migrate";
     for case in cases.lines() {
         let [name, raw, text] = case.splitn(3, ' ').collect::<Vec<_>>()[..] else {
             panic!("{case}");

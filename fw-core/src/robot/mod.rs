@@ -253,8 +253,14 @@ impl Robot {
         } else if self.link.mode().has(Field::Velocity) {
             self.servo_scan.set_width(command.sweep);
             // Requirement: WIRE-velocity-7
-            if command.order == Order::None && !self.supervisor.halted() {
-                self.request = DriveRequest::Velocity(command.velocity);
+            if !self.supervisor.halted() {
+                let is_driven = command.order == Order::None;
+                let velocity = if is_driven {
+                    command.velocity
+                } else {
+                    Velocity::default()
+                };
+                self.request = DriveRequest::Velocity(velocity);
             }
         }
         if command.tune.voltage != 0 {

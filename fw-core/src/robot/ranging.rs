@@ -32,8 +32,11 @@ impl Robot {
         let Reading { echo, bearing } = self.rangefinders.reading(RangefinderId::Front);
         match echo {
             Echo::Distance(distance) => self.obstacle.on_range(bearing, Some(distance)),
-            Echo::OutOfRange | Echo::Missing => self.obstacle.on_range(bearing, None),
-            Echo::NotMeasured | Echo::TimedOut => {}
+            // Void readings, while the servo rests, are as good as none.
+            Echo::OutOfRange | Echo::Missing | Echo::NotMeasured => {
+                self.obstacle.on_range(bearing, None);
+            }
+            Echo::TimedOut => {}
         }
     }
 

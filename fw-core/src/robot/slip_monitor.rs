@@ -55,12 +55,11 @@ impl Robot {
         }
         let monitor = &mut self.slip_monitor;
         let (request, reading) = monitor.mpu.step(result);
-        let mut events = [None; 2];
         let rate = match reading {
             GyroReading::Rate(raw) => Some(raw),
             GyroReading::None => None,
             GyroReading::Lost(error) => {
-                events[0] = monitor.gyro.reset();
+                monitor.gyro = GyroFusion::new();
                 monitor.lost = true;
                 if error == DeviceError::Frozen {
                     let heading = monitor.unconfirmed.wrapping_neg();
@@ -76,8 +75,7 @@ impl Robot {
             }
         };
         let turn = self.delta.turn.wrapping_sub(monitor.added);
-        let correction;
-        (correction, events[1]) = monitor.gyro.step(rate, &self.delta, turn);
+        let (correction, event) = monitor.gyro.step(rate, &self.delta, turn);
         monitor.added = correction.tick;
         monitor.unconfirmed = if monitor.mpu.repeats() {
             monitor.unconfirmed.wrapping_add(correction.heading)
@@ -87,7 +85,7 @@ impl Robot {
         if correction != HeadingCorrection::default() {
             self.odometry.apply_slip(correction, &self.delta);
         }
-        for event in events.into_iter().flatten() {
+        if let Some(event) = event {
             match event {
                 Event::Trusted => monitor.lost = false,
                 Event::SlipTimedOut | Event::Mismatch => monitor.lost = true,

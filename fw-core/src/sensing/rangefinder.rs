@@ -231,7 +231,7 @@ impl Rangefinders {
     pub fn invalidate(&mut self) {
         for sensor in &mut self.sensors {
             sensor.pending = None;
-            sensor.reading.echo = Echo::NotMeasured;
+            sensor.reading = Reading::default();
         }
         self.updated = 0b111;
     }

@@ -59,7 +59,7 @@ faults! {
     BATTERY_LOW = 3, "battery-low", false, "fw-core/src/robot/mod.rs",
         "a cell is below the warning voltage", Some("battery low: charge it");
     BATTERY_CUTOFF = 4, "battery-cutoff", true, "fw-core/src/robot/mod.rs",
-        "a cell is below the cut-off voltage, or none was measured for half a second", Some("battery empty: motors off");
+        "a cell is below the cut-off voltage, or none was measured for half a second", Some("battery empty or unread: motors off");
     LEFT_STALLED = 5, "left-stalled", true, "fw-core/src/motion/drive_monitor.rs",
         "the left wheel does not follow its duty", Some("left wheel stalled");
     RIGHT_STALLED = 6, "right-stalled", true, "fw-core/src/motion/drive_monitor.rs",
@@ -73,7 +73,7 @@ faults! {
     LOG_DROPPED = 10, "log-dropped", false, "fw-core/src/robot/mod.rs",
         "the log dropped lines", None;
     RESTARTED = 11, "restarted", false, "fw-pac/src/main.rs",
-        "the watchdog, a panic or a fault restarted the firmware",
+        "the watchdog, a panic, a fault or a brown-out restarted the firmware",
         Some("restarted after a failure");
     SLIP = 12, "slip", false, "fw-core/src/robot/slip_monitor.rs",
         "a wheel slipped or the robot was turned by force: the heading followed the gyroscope", None;

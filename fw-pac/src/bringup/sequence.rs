@@ -15,6 +15,8 @@ use fw_core::wire::test_frame;
 const SECOND: u32 = 100;
 /// Ticks that an echo may take, out of range included.
 const ECHO_TICKS: u32 = 10;
+/// Most counts of a wheel that stands.
+const REST_COUNTS: i32 = 4;
 /// Ticks for each wheel to be turned by hand.
 const HAND_TICKS: u32 = 30 * SECOND;
 /// Counts by hand that make a turn of the wheel no accident: an eighth of the first board's wheel.
@@ -85,7 +87,7 @@ pub struct Sequence {
     ticks: u32,
     /// Counters when the step began.
     origin: (u32, u16),
-    /// Both wheels were turned by hand: the motors may run.
+    /// Both wheels stood, then were turned by hand: the motors may run.
     consent: bool,
     /// Width of the last echo, microseconds.
     echo_us: Option<u32>,
@@ -191,7 +193,13 @@ impl Sequence {
                 return Some(Step::Echo(RangefinderId::Front));
             }
             Step::Echo(which) => after(ECHO_TICKS, after_echo(which))?,
-            Step::Rest => after(SECOND, Step::Hand(Wheel::Left))?,
+            Step::Rest => {
+                let next = after(SECOND, Step::Hand(Wheel::Left))?;
+                // What counts at rest is no hand that agrees.
+                let (left, right) = self.counts();
+                self.consent = left.abs().max(right.abs()) <= REST_COUNTS;
+                next
+            }
             Step::Hand(wheel) => {
                 let (left, right) = self.counts();
                 let own = if wheel == Wheel::Left { left } else { right };

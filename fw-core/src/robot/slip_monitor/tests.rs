@@ -260,12 +260,14 @@ fn gyro_lost_during_slip_restarts_without_bias() {
     robot.ticks(20, 0, -10, 10);
     robot.failure = BusResult::Nack;
     robot.ticks(10, 0, 0, 0);
-    for text in [
-        "slip: heading by the gyro\n",
-        "slip over: heading corrected by ",
-        ": gyro: no answer at 0x68, encoders alone\n",
+    // Whatever the gyroscope corrected is in doubt with it.
+    for (text, count) in [
+        ("slip: heading by the gyro\n", 1),
+        ("slip over", 0),
+        (": gyro: no answer at 0x68, encoders alone\n", 1),
     ] {
-        assert_eq!(robot.logged.matches(text).count(), 1, "{}", robot.logged);
+        let logged = robot.logged.matches(text).count();
+        assert_eq!(logged, count, "{}", robot.logged);
     }
     assert_eq!(robot.bench.robot.slip_monitor.angle(), None);
 }

@@ -70,7 +70,10 @@ fn servo_scan_rests_in_silence_and_when_faulted() {
     // What it measured is forgotten in the tick in which it rests.
     assert_eq!(swept(&mut bench, 1, 0), (Vec::new(), 0), "silence");
     assert_eq!(bench.robot.report.ranges[0], DistanceCode::NONE);
+    // Nor is it trusted to drive by.
+    assert!(bench.robot.obstacle.track().ahead.is_some());
     assert_eq!(swept(&mut bench, 99, 0), (Vec::new(), 0), "silence");
+    assert_eq!(bench.robot.obstacle.track().ahead, None);
     let (again, _) = swept(&mut bench, 200, 10);
     assert_eq!(again, first, "from its first end again");
     bench.raise(Faults::LEFT_STALLED);

@@ -51,6 +51,8 @@ fn velocity_counts_again_one_frame_after_resume() {
     assert!(runs);
     assert_eq!(bench.robot.state(), State::Moving);
     assert_eq!(report.state, State::Moving);
+    // A frame with an order is a command to stand.
+    assert!(!follow(&mut bench, &with_order(Order::Resume, drive(80)), 30).0);
     // Nothing is left of a turn either.
     let mut bench = Bench::new(Mode::GuardedVelocity);
     assert!(follow(&mut bench, &spin(), 3).0);

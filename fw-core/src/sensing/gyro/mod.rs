@@ -147,13 +147,6 @@ impl GyroFusion {
         self.bias().map(|_| self.angle)
     }
 
-    /// The sensor is lost: restarts without a bias. An active slip ends.
-    pub fn reset(&mut self) -> Option<Event> {
-        let event = self.end_slip();
-        *self = Self::new();
-        event
-    }
-
     /// One tick: the reading taken just after its counters, LSB, if there is one; the encoders' `delta`, and
     /// their `turn`, 2⁻³² turns.
     pub fn step(

@@ -306,14 +306,6 @@ fn saturated_or_missing_readings_end_a_slip() {
 }
 
 #[test]
-fn reset_ends_a_slip_and_discards_the_bias() {
-    let mut sim = Simulation::trusted();
-    sim.run(20, 0.7, 0.0);
-    assert!(matches!(sim.gyro.reset(), Some(Event::SlipEnded(_))));
-    assert_eq!((sim.gyro.bias(), sim.gyro.reset()), (None, None));
-}
-
-#[test]
 fn verification_takes_a_turn_of_10_degrees() {
     let mut sim = Simulation::rested();
     for tick in 1..=10 {
