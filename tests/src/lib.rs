@@ -7,7 +7,6 @@
 
 pub mod disturbance;
 pub mod exploration;
-pub mod io_faults;
 pub mod linked_robot;
 #[cfg(target_os = "linux")]
 pub mod pi_devices;
