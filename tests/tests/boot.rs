@@ -93,16 +93,10 @@ fn boot_eeprom_is_never_written() {
 // Requirement: WIRE-ready-1, WIRE-eeprom-3
 #[test]
 fn boot_blank_eeprom_stays_off_and_logs() {
-    let rig = Rig::booted(Some(Vec::new()));
-    assert_stays_off(&rig, "E");
-    rig.assert_logged("EEPROM key");
-}
-
-// Requirement: WIRE-ready-1
-#[test]
-fn boot_absent_eeprom_stays_off_and_logs() {
-    let rig = Rig::booted(None);
-    assert_stays_off(&rig, "no configuration: EEPROM 0x50 does not answer");
+    let absent = "no configuration: EEPROM 0x50 does not answer";
+    for (eeprom, why) in [(Some(Vec::new()), "EEPROM key"), (None, absent)] {
+        assert_stays_off(&Rig::booted(eeprom), why);
+    }
 }
 
 // Requirement: WIRE-eeprom-3, DOC-6-8, DOC-6.0.1-2, DOC-6.0.3-1, WIRE-refused-3, WIRE-refused-4
@@ -200,11 +194,7 @@ fn boot_held_bus_is_cleared_and_starts() {
         let half_period = pair[1] - pair[0];
         assert!(half_period >= 5_000, "{half_period} ns");
     }
-}
-
-/// A slave that nine clocks do not free gets nine more at each attempt.
-#[test]
-fn boot_bus_held_for_longer_is_cleared_again() {
+    // A slave that nine clocks do not free gets nine more at each attempt.
     let rig = Rig::new(Options::with_eeprom(original_image()));
     rig.i2c_bus(|bus, _| bus.hold_sda(20));
     rig.assert_ready();

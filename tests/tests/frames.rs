@@ -19,20 +19,27 @@ fn idle() -> [u8; 19] {
     normal_frame(0, 0, 0, false)
 }
 
-// Requirement: DOC-5.2.1-2, DOC-2.1-4, DOC-2.3-5, WIRE-battery-1
+// Requirement: DOC-5.2.1-2, DOC-5.2.2-4, DOC-5.2.3-3, DOC-2.1-4, DOC-2.3-5, WIRE-battery-1
 #[test]
-fn normal_reply_alternates_cells_with_true_voltages() {
-    let rig = normal();
-    let cells = rig.truth().cells_v();
-    let mut next = None;
-    for _ in 0..6 {
-        let reply = NormalReply::of(&rig.frame(&idle()));
-        let due = next.replace(1 - reply.cell);
-        assert_eq!(due.unwrap_or(reply.cell), reply.cell);
-        let volts = f64::from(reply.voltage) / 200.0;
-        let truth = cells[usize::from(reply.cell)];
-        assert!((volts - truth).abs() < 0.05, "{volts} V, truly {truth} V");
-        rig.run_us(25_000);
+fn reply_alternates_cells_with_true_voltages() {
+    // Of each mode the Pi's frame at rest, and where in the reply the cell is.
+    let (normal, tuning) = (idle(), tuning_frame(0.0));
+    for (mode, frame, at) in [(0, &normal[..], 11), (1, &tuning, 9), (2, &tuning, 9)] {
+        let rig = Rig::configured(image_in_mode(mode));
+        rig.run_us(30_000);
+        let cells = rig.truth().cells_v();
+        let mut next = None;
+        // The converter measures the temperature in between.
+        for _ in 0..60 {
+            let reply = rig.frame(frame);
+            assert_eq!(reply[0], KEY_STM);
+            let cell = reply[at] >> 5;
+            assert_eq!(next.replace(1 - cell).unwrap_or(cell), cell);
+            let volts = f64::from(u16::from_be_bytes([reply[at] & 0x1F, reply[at + 1]])) / 200.0;
+            let truth = cells[usize::from(cell)];
+            assert!((volts - truth).abs() < 0.05, "{volts} V, truly {truth} V");
+            rig.run_us(25_000);
+        }
     }
 }
 
@@ -70,18 +77,12 @@ fn normal_applied_pose_is_reached_and_reported() {
     assert!(!reply.not_used);
 }
 
-// Requirement: DOC-5.1.1-4
-#[test]
-fn normal_without_apply_stands_still() {
-    let rig = normal();
-    let _ = rig.keep_sending(&normal_frame(300_000, 0, 0, false), 500_000);
-    assert!(rig.truth().path_mm < 0.01);
-}
-
-// Requirement: WIRE-modes-2
+// Requirement: DOC-5.1.1-4, WIRE-modes-2
 #[test]
 fn normal_without_apply_keeps_target() {
     let rig = normal();
+    let _ = rig.keep_sending(&normal_frame(300_000, 0, 0, false), 500_000);
+    assert!(rig.truth().path_mm < 0.01);
     let _ = rig.keep_sending(&normal_frame(200_000, 0, 0, true), 100_000);
     let _ = rig.keep_sending(&normal_frame(-200_000, 0, 0x4000, false), 6_000_000);
     let pose = rig.pose();
@@ -188,27 +189,6 @@ fn tune_move_drives_straight_and_reports_way() {
     // The samples of 10 ms each are in the log: percent and millimetres.
     let samples = rig.log().matches(": T -60.00 -").count();
     assert!((130..=152).contains(&samples), "{samples} in 1.5 s");
-}
-
-// Requirement: DOC-5.2.2-4, DOC-5.2.3-3
-#[test]
-fn tune_reply_alternates_cells_with_true_voltages() {
-    for mode in [1, 2] {
-        let rig = Rig::booted(Some(image_in_mode(mode)));
-        rig.run_us(200_000);
-        let cells = rig.truth().cells_v();
-        let mut walked = Vec::new();
-        for _ in 0..6 {
-            let reply = rig.frame(&tuning_frame(0.0));
-            assert_eq!(reply[0], KEY_STM);
-            let cell = usize::from(reply[9] >> 5);
-            let volts = f64::from(u16::from_be_bytes([reply[9] & 0x1F, reply[10]])) / 200.0;
-            assert!((volts - cells[cell]).abs() < 0.05, "{volts} {cells:?}");
-            walked.push(cell);
-            rig.run_us(25_000);
-        }
-        assert!(walked.windows(2).all(|two| two[0] != two[1]), "{walked:?}");
-    }
 }
 
 // Requirement: WIRE-modes-3

@@ -78,19 +78,6 @@ fn missing_calibration_words_use_343_m_per_s() {
     assert!(line.ends_with("sound at 343 m/s"), "{line}");
 }
 
-#[test]
-fn temperature_conversion_keeps_cell_voltages() {
-    let rig = rig(Room::default(), exact(20.0, 2.5), None);
-    rig.run_us(30_000);
-    for _ in 0..60 {
-        let back = rig.frame(&normal_frame(0, 0, 0, false));
-        let reply = NormalReply::of(&back);
-        let volts = f64::from(reply.voltage) / 200.0;
-        assert!((3.5..4.25).contains(&volts), "{reply:?}");
-        rig.run_us(25_000);
-    }
-}
-
 // Requirement: DOC-2.1-6, DOC-5.2.2-5
 #[test]
 fn rangefinders_ping_in_turn_every_20_ms() {
