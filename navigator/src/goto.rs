@@ -115,15 +115,22 @@ mod tests {
     fn gap_is_a_way_for_a_body_that_it_is_wide_enough_for() {
         let (wall, floor) = ("........##........", "..................");
         let grid = draw(&[wall, wall, floor, floor, floor, wall, wall]);
-        for (body_mm, is_open) in [(100.0, true), (150.0, false)] {
+        for (body_mm, (x_mm, y_mm), is_open) in [
+            (100.0, (1500.0, 350.0), true),
+            (150.0, (1500.0, 350.0), false),
+            // In the wall.
+            (100.0, (900.0, 100.0), false),
+        ] {
             let config = Config {
                 body_mm,
                 ..Config::default()
             };
-            let mut plan = GoTo::new(config, Point::new(1500.0, 350.0));
+            let mut plan = GoTo::new(config, Point::new(x_mm, y_mm));
             let at = Pose2::new(400.0, 350.0, 0.0);
             let [_, planned] = [0.0, 2.0].map(|time_s| plan.step(&grid, &status(time_s, at)));
-            assert_eq!(is_at_rest(planned), is_open, "{body_mm}: {planned:?}");
+            let is_refused = planned == Action::Done(Outcome::Unreachable);
+            let found = (is_at_rest(planned), is_refused);
+            assert_eq!(found, (is_open, !is_open), "{body_mm}: {planned:?}");
         }
     }
 

@@ -1,57 +1,99 @@
-//! The navigator in a closed loop with the robot without firmware, with the true pose.
-#![allow(
-    clippy::cast_precision_loss,
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss
-)]
+//! Explores a room with the robot without firmware, with the true pose, and compares with the truth afterwards.
 
-mod closed_loop;
-mod ideal_map;
-
-use closed_loop::{Mapping, Run, drive, explore};
 use geometry::{Point, Pose2};
-use ideal_map::IdealMapper;
-use mapper::{Grid, PoseEstimate};
-use navigator::{Action, Config, Explorer, GoTo, Outcome, Status, StopReason, Velocity};
-use plant::Room;
-use plant::kinematic::SensorSample;
+use mapper::evaluation::coverage;
+use mapper::{Grid, Mount, PoseEstimate, SonarModel, map_iou};
+use navigator::{Action, Config, Explorer, Outcome, Status, StopReason, Velocity};
+use plant::kinematic::{KinematicRobot, SensorSample, VelocityInput};
+use plant::{Collision, Imperfections, Room};
 
-fn explore_ideally(room: &Room, seed: u64, stop: impl FnMut(f64) -> Option<StopReason>) -> Run {
-    let mut mapping = IdealMapper::new(Grid::new(25.0));
-    explore(room, seed, Config::default(), &mut mapping, stop)
+/// Seconds of a frame.
+const FRAME_S: f64 = 0.025;
+
+/// What a run was.
+struct Run {
+    outcome: Option<Outcome>,
+    /// Stops that were cleared.
+    resumed: u32,
+    collisions: Vec<Collision>,
+    coverage: f64,
+    iou: f64,
+    minutes: f64,
+    /// Where it ended, in the frame of the start.
+    end: Pose2,
+    path_mm: f64,
 }
 
-/// All of the room, without a collision.
-fn ensure_explored(run: &Run, iou: f64) {
-    let figures = (run.coverage, run.iou);
-    assert_eq!(run.outcome, Some(Outcome::Complete));
-    assert_eq!(run.collisions, []);
-    assert!(run.coverage > 0.99 && run.iou > iou, "{figures:?}");
-}
-
-// Requirement: NAV-explore-1
-#[test]
-fn default_room_is_explored_and_robot_comes_home() {
-    let run = explore_ideally(&Room::two_rooms(), 101, |_| None);
-    ensure_explored(&run, 0.95);
-    let minutes = run.minutes;
-    assert!(minutes < 13.0 && run.path_mm > 20_000.0, "{minutes}");
-    assert!(run.end.x_mm.hypot(run.end.y_mm) < 80.0, "{:?}", run.end);
-    let turned = run.end.turn_to_rad(&Pose2::default());
-    assert!(turned.abs() < 0.1, "{turned}");
-}
-
-/// The true map; the position's deviation grows with the way and shrinks where it was smaller before.
-struct Drifting {
-    ideal: IdealMapper,
+/// The true pose, and a map from it with the readings that the true room explains: what a perfect
+/// localisation and rejection of multi-path echoes would give.
+struct IdealMapper {
+    grid: Grid,
+    pose: Pose2,
+    ranges_mm: [Option<f64>; 3],
+    /// Whether the position's deviation grows with the way, and shrinks where it was smaller before.
+    drifts: bool,
+    /// The way, and the deviation there, mm.
     way: Vec<(Point, f64)>,
-    worst_mm: f64,
 }
 
-impl Mapping for Drifting {
-    fn observe(&mut self, room: &Room, truth: &Pose2, sample: &SensorSample) {
-        self.ideal.observe(room, truth, sample);
-        let at = truth.position();
+impl IdealMapper {
+    fn new(drifts: bool) -> Self {
+        Self {
+            grid: Grid::new(25.0),
+            pose: Pose2::default(),
+            ranges_mm: [None; 3],
+            drifts,
+            way: Vec::new(),
+        }
+    }
+
+    fn estimate(&self) -> PoseEstimate {
+        let deviation = self.way.last().map_or(0.0, |last| last.1);
+        let variance = if self.drifts {
+            deviation * deviation
+        } else {
+            100.0
+        };
+        PoseEstimate {
+            pose: self.pose,
+            covariance: [[variance, 0.0, 0.0], [0.0, 100.0, 0.0], [0.0, 0.0, 1e-4]],
+        }
+    }
+
+    fn observe(&mut self, room: &Room, pose: &Pose2, sample: &SensorSample) {
+        self.pose = *pose;
+        let mut mounts = Mount::first_board();
+        mounts[0].bearing_rad = sample.front_bearing_rad;
+        for (nth, mount) in mounts.iter().enumerate() {
+            let range = sample.ranges_mm[nth];
+            let sensor = mount.sensor_pose(pose);
+            let truth = room.cast(&sensor).map_or(4000.0, |hit| hit.distance_mm);
+            let mut sonar = SonarModel {
+                half_angle_rad: 0.12,
+                ..SonarModel::default()
+            };
+            match range {
+                Some(range) if Some(range) != self.ranges_mm[nth] => {
+                    if (range - truth).abs() < 40.0 {
+                        sonar.enter_echo(&mut self.grid, &sensor, truth);
+                    } else {
+                        sonar.silent_mm = range.min(truth) - 60.0;
+                        sonar.enter_silence(&mut self.grid, &sensor);
+                    }
+                }
+                None if sample.time_s > 0.2 => {
+                    sonar.silent_mm = truth.min(800.0) - 60.0;
+                    sonar.free = 0.3;
+                    sonar.enter_silence(&mut self.grid, &sensor);
+                }
+                _ => {}
+            }
+            self.ranges_mm[nth] = range;
+        }
+        self.drift(pose.position());
+    }
+
+    fn drift(&mut self, at: Point) {
         let last = self.way.last().copied().unwrap_or((at, 0.0));
         let step_mm = last.0.distance_mm(at);
         if step_mm < 20.0 && !self.way.is_empty() {
@@ -64,58 +106,121 @@ impl Mapping for Drifting {
         let deviations = before.map(|&(_, deviation)| deviation);
         let deviation = deviations.fold(last.1 + 0.01 * step_mm, f64::min);
         self.way.push((at, deviation));
-        self.worst_mm = self.worst_mm.max(deviation);
     }
+}
 
-    fn estimate(&self) -> PoseEstimate {
-        let mut estimate = self.ideal.estimate();
-        let deviation = self.way.last().map_or(0.0, |last| last.1);
-        estimate.covariance[0][0] = deviation * deviation;
-        estimate
+/// Drives in the default room until `navigate` is done.
+fn drive(
+    seed: u64,
+    mapping: &mut IdealMapper,
+    mut navigate: impl FnMut(&Grid, &Status) -> Action,
+) -> Run {
+    let room = Room::two_rooms().relative_to_start();
+    let (start, imperfections) = (Pose2::default(), Imperfections::default());
+    let mut robot = KinematicRobot::new(room.clone(), start, imperfections, seed);
+    let (mut outcome, mut resumed) = (None, 0);
+    let mut velocity = Velocity::default();
+    let mut last = robot.sample().odometry;
+    while outcome.is_none() && robot.sample().time_s < 1800.0 {
+        robot.step(
+            FRAME_S,
+            VelocityInput {
+                forward_mm_s: velocity.forward_mm_s,
+                yaw_rate_rad_s: velocity.yaw_rate_rad_s,
+                sweep_half_width_rad: velocity.sweep_half_width_rad,
+            },
+        );
+        let sample = robot.sample();
+        mapping.observe(&room, &robot.true_pose(), &sample);
+        let status = Status {
+            time_s: sample.time_s,
+            estimate: mapping.estimate(),
+            speed_mm_s: sample.odometry.relative_to(&last).x_mm / FRAME_S,
+            ranges_mm: sample.ranges_mm,
+            front_bearing_rad: sample.front_bearing_rad,
+            obstacle_limited: sample.obstacle_limited,
+            stop: None,
+        };
+        last = sample.odometry;
+        match navigate(&mapping.grid, &status) {
+            Action::Drive(command) => velocity = command,
+            Action::Resume => {
+                velocity = Velocity::default();
+                resumed += 1;
+            }
+            Action::Done(how) => outcome = Some(how),
+        }
     }
+    let floor = room.reachable_floor();
+    Run {
+        outcome,
+        resumed,
+        collisions: robot.collisions().to_vec(),
+        coverage: coverage(&mapping.grid, &floor, &start),
+        iou: map_iou(&mapping.grid, &room.visible_surfaces(), 100.0).iou,
+        minutes: robot.sample().time_s / 60.0,
+        end: robot.true_pose(),
+        path_mm: robot.path_mm(),
+    }
+}
 
-    fn grid(&self) -> &Grid {
-        self.ideal.grid()
-    }
+// Requirement: NAV-explore-1
+#[test]
+fn default_room_is_explored_and_robot_comes_home() {
+    let mut explorer = Explorer::new(Config::default());
+    let navigate = |grid: &Grid, status: &Status| explorer.step(grid, status);
+    let run = drive(101, &mut IdealMapper::new(false), navigate);
+    let figures = (run.coverage, run.iou);
+    assert_eq!(run.outcome, Some(Outcome::Complete));
+    assert_eq!(run.collisions, []);
+    assert!(run.coverage > 0.99 && run.iou > 0.95, "{figures:?}");
+    let minutes = run.minutes;
+    assert!(minutes < 13.0 && run.path_mm > 20_000.0, "{minutes}");
+    assert!(run.end.x_mm.hypot(run.end.y_mm) < 80.0, "{:?}", run.end);
+    let turned = run.end.turn_to_rad(&Pose2::default());
+    assert!(turned.abs() < 0.1, "{turned}");
 }
 
 // Requirement: NAV-explore-2
 #[test]
 fn uncertain_robot_returns_to_known_place() {
-    let config = Config {
+    let mut explorer = Explorer::new(Config {
         lost_mm: 25.0,
         ..Config::default()
-    };
-    let mut mapping = Drifting {
-        ideal: IdealMapper::new(Grid::new(25.0)),
-        way: Vec::new(),
-        worst_mm: 0.0,
-    };
-    let run = explore(&Room::two_rooms(), 106, config, &mut mapping, |_| None);
+    });
+    let mut mapping = IdealMapper::new(true);
+    let navigate = |grid: &Grid, status: &Status| explorer.step(grid, status);
+    let run = drive(106, &mut mapping, navigate);
     assert_eq!(run.outcome, Some(Outcome::Complete));
     // Seeds 100 to 107: 57 to 128 mm, 159 to 258 without a return.
-    assert!(mapping.worst_mm < 140.0, "worst {}", mapping.worst_mm);
+    let worst_mm = mapping.way.iter().map(|at| at.1).fold(0.0, f64::max);
+    assert!(worst_mm < 140.0, "worst {worst_mm}");
 }
 
 // Requirement: NAV-recovery-1
 #[test]
 fn stops_of_every_kind_are_cleared_and_exploring_completes() {
-    let reasons = [
+    let mut reasons = [
         StopReason::Stall,
         StopReason::Link,
         StopReason::Slip,
         StopReason::Obstacle,
-    ];
+    ]
+    .into_iter()
+    .cycle();
+    let mut explorer = Explorer::new(Config::default());
     let (mut count, mut latched) = (0, None);
-    let run = explore_ideally(&Room::two_rooms(), 102, |time_s| {
-        if time_s > 35.0 * f64::from(count + 1) {
-            latched = Some(reasons[count as usize % 4]);
-            count += 1;
-            return latched;
-        }
+    let navigate = |grid: &Grid, status: &Status| {
         // Latched for a frame more: the resume is on its way.
-        latched.take()
-    });
+        let mut stop = latched.take();
+        if status.time_s > 35.0 * f64::from(count + 1) {
+            latched = reasons.next();
+            stop = latched;
+            count += 1;
+        }
+        explorer.step(grid, &Status { stop, ..*status })
+    };
+    let run = drive(102, &mut IdealMapper::new(false), navigate);
     assert_eq!(run.outcome, Some(Outcome::Complete));
     assert_eq!((run.collisions.len(), run.resumed), (0, 2 * count));
     assert!(
@@ -145,34 +250,7 @@ fn robot_that_cannot_leave_its_start_does_not_complete() {
             }
         }
     };
-    let mut mapping = IdealMapper::new(Grid::new(25.0));
-    let run = drive(&Room::two_rooms(), 107, navigate, &mut mapping, |_| None);
+    let run = drive(107, &mut IdealMapper::new(false), navigate);
     assert_eq!(run.outcome, Some(Outcome::Unreachable));
     assert!(run.resumed > 4 && run.path_mm < 1.0, "{}", run.resumed);
-}
-
-#[test]
-fn goal_on_known_map_is_reached_and_goal_in_wall_is_refused() {
-    let room = Room::two_rooms();
-    let map = explore_ideally(&room, 103, |_| None).grid;
-    for (x_mm, y_mm, outcome) in [
-        (4900.0, 2100.0, Outcome::Complete),
-        (5400.0, 3300.0, Outcome::Unreachable),
-    ] {
-        let mut goto = GoTo::new(Config::default(), Point::new(x_mm, y_mm));
-        let navigate = |grid: &Grid, status: &Status| goto.step(grid, status);
-        let run = drive(
-            &room,
-            104,
-            navigate,
-            &mut IdealMapper::new(map.clone()),
-            |_| None,
-        );
-        assert_eq!((run.outcome, run.collisions.len()), (Some(outcome), 0));
-        let left_mm = run.end.position().distance_mm(Point::new(x_mm, y_mm));
-        assert!(
-            outcome == Outcome::Unreachable || left_mm < 60.0,
-            "{left_mm}"
-        );
-    }
 }
