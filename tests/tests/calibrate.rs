@@ -120,16 +120,12 @@ fn assert_recovered(
     );
 }
 
-// Requirement: DOC-4.1-6
+// Requirement: DOC-4.1-6, WIRE-platform-2
 #[test]
-fn calibration_unequal_wheels_recovered_to_0_1_percent() {
-    assert_recovered([5.0, -5.0, -5.0], original_image(), 1000.0, 0.0, 0.1);
-}
-
-// Requirement: WIRE-platform-2
-#[test]
-fn calibration_large_wheels_recovered_to_0_1_percent() {
-    assert_recovered([5.0, 4.0, 5.0], original_image(), 1000.0, 0.0, 0.1);
+fn calibration_recovers_wheels_to_0_1_percent() {
+    for off in [[5.0, -5.0, -5.0], [5.0, 4.0, 5.0]] {
+        assert_recovered(off, original_image(), 1000.0, 0.0, 0.1);
+    }
 }
 
 #[test]

@@ -211,6 +211,28 @@ fn pose_with_wheels_40_percent_apart_is_reached() {
     assert_reached(&params, &at_full_speed().0, &goals, 1.6);
 }
 
+/// Within the limits where no sensor looks; at rest for a second and a half so many seconds from the start.
+// Requirement: DOC-1-1, DOC-5.2.1-1
+#[test]
+fn pose_is_reached_with_an_original_eeprom() {
+    for (x, y, rotation, seconds) in [
+        (1000.0_f64, 0.0_f64, 0.0, 20),
+        (0.0, 0.0, 180.0, 12),
+        (300.0, 300.0, 270.0, 15),
+        (-400.0, 100.0, 90.0, 20),
+        (50.0, 0.0, 0.0, 10),
+    ] {
+        let goal = Goal {
+            distance: x.hypot(y),
+            bearing: y.atan2(x).to_degrees(),
+            rotation,
+        };
+        let rig = rig(&Params::default(), original_image());
+        let trip = go(&rig, &goal);
+        assert!(rig.now_us() < seconds * 1_000_000, "{goal:?}: {trip:?}");
+    }
+}
+
 // Requirement: DOC-6.0.2-2
 #[test]
 fn pose_is_held_against_pushes() {
