@@ -171,21 +171,6 @@ fn bridge_is_chopped_at_20_khz() {
     assert_eq!(cycles[0] * cycles[1], 100_000_000 / 20_000);
 }
 
-#[test]
-fn empty_battery_stops_for_good() {
-    let mut options = Options::with_eeprom(original_image());
-    options.params.battery.charge = [0.0; 2];
-    let rig = Rig::new(options);
-    rig.await_ready();
-    let _ = rig.keep_sending(&ahead(), 2_000_000);
-    let taps = rig.truth().battery_v;
-    assert!(taps[0] < 3.0, "the model's battery is not empty: {taps:?}");
-    assert!(rig.motors_off());
-    rig.assert_logged("battery");
-    let reply = NormalReply::of(&rig.frame(&ahead()));
-    assert!(reply.voltage > 0);
-}
-
 /// A robot whose battery warns and cuts off where page 0x03 says, both above what an original EEPROM
 /// means, and that lasts for some seconds of driving.
 fn on_its_last_charge(warn_mv: u64, cutoff_mv: u64) -> Rig {
