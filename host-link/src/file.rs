@@ -3,9 +3,9 @@
 use crate::error::Error;
 pub use crate::file_fault::FileFault;
 use fw_core::eeprom::KEY;
-use std::fs::{self, File};
+use std::fs::{self, File, Metadata};
 use std::io::{ErrorKind, Read, Write};
-use std::os::unix::fs::MetadataExt;
+use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
 #[cfg(test)]
@@ -36,13 +36,14 @@ pub fn read(path: &Path, max: u64) -> Result<Vec<u8>, Error> {
     Ok(bytes)
 }
 
-/// Reads a text of at most [`MAX_TEXT`] bytes.
+/// Reads a text of at most [`MAX_TEXT`] bytes, without the byte order mark of some editors.
 ///
 /// # Errors
 /// Those of [`read`]; [`Error::Content`] for what is not UTF-8.
 pub fn read_text(path: &Path) -> Result<String, Error> {
-    String::from_utf8(read(path, MAX_TEXT)?)
-        .map_err(|_| Error::content(path, None, "it is no text in UTF-8"))
+    let text = String::from_utf8(read(path, MAX_TEXT)?)
+        .map_err(|_| Error::content(path, None, "it is no text in UTF-8"))?;
+    Ok(text.trim_start_matches('\u{FEFF}').into())
 }
 
 /// Checks that a file kept between runs can be trusted: a regular file, and in a world-writable folder one of this
@@ -54,7 +55,7 @@ pub fn ensure_trusted(path: &Path) -> Result<(), Error> {
     let unreadable = |cause| Error::unreadable(path, &cause);
     let file = fs::symlink_metadata(path).map_err(unreadable)?;
     let folder = fs::metadata(folder(path)).map_err(unreadable)?;
-    let own = fs::metadata("/proc/self").map_err(unreadable)?.uid();
+    let own = own_uid().map_err(unreadable)?;
     let refused = if !file.is_file() {
         "it is a link, a folder or a device"
     } else if folder.mode() & 0o002 != 0 && ![0, own].contains(&file.uid()) {
@@ -65,9 +66,14 @@ pub fn ensure_trusted(path: &Path) -> Result<(), Error> {
     Err(unreadable(std::io::Error::other(refused)))
 }
 
+/// The user who runs this.
+fn own_uid() -> std::io::Result<u32> {
+    Ok(fs::metadata("/proc/self")?.uid())
+}
+
 /// Whether bytes are an EEPROM's content: it begins with the EEPROM key, or has the unwritten cells of page
 /// 0x00 that no other file has.
-fn is_image(bytes: &[u8]) -> bool {
+pub fn is_image(bytes: &[u8]) -> bool {
     let unwritten = bytes.get(0xF0..0x100).unwrap_or_default();
     (ORIGINAL_LEN..=LARGEST_LEN).contains(&bytes.len())
         && (bytes.starts_with(&KEY) || unwritten.iter().all(|&byte| byte == 0xFF))
@@ -92,6 +98,8 @@ pub enum Kind {
     Image,
     /// A recording (MCAP).
     Recording,
+    /// A secret, which its owner alone may read.
+    Token,
     /// Whatever the user allows to be replaced.
     Any,
 }
@@ -108,7 +116,7 @@ impl Kind {
             Self::Log => ("log of the STM", &[b"I0", b"W0", b"E0"]),
             Self::Image => ("EEPROM image", &[]),
             Self::Recording => ("recording", &[b"\x89MCAP"]),
-            Self::Any => ("file", &[b""]),
+            Self::Token | Self::Any => ("file", &[b""]),
         }
     }
 
@@ -123,6 +131,11 @@ impl Kind {
 /// So much of a file shows its kind: an EEPROM's image is not longer.
 const LONGEST_HEAD: u64 = LARGEST_LEN as u64 + 1;
 
+/// Whether the user `own` may replace a file: in a sticky folder root, its owner and the folder's may.
+fn may_replace(own: u32, file: &Metadata, folder: &Metadata) -> bool {
+    folder.mode() & 0o1000 == 0 || own == 0 || [file.uid(), folder.uid()].contains(&own)
+}
+
 /// # Errors
 /// [`Error::Unwritable`] if what is at `path` must not be replaced.
 fn check_target(path: &Path, kind: Kind) -> Result<(), Error> {
@@ -135,6 +148,12 @@ fn check_target(path: &Path, kind: Kind) -> Result<(), Error> {
             path,
             &"it is a link, a folder or a device",
         ));
+    }
+    let owners = own_uid().and_then(|own| Ok((own, fs::metadata(folder(path))?)));
+    let (own, folder) = owners.map_err(|cause| Error::unwritable(path, &cause))?;
+    if !may_replace(own, &present, &folder) {
+        let why = "it is another user's in a sticky folder; name another file";
+        return Err(Error::unwritable(path, &why));
     }
     let mut head = Vec::new();
     if kind != Kind::Any {
@@ -177,7 +196,10 @@ impl OutputFile {
             Err(cause) if cause.kind() != ErrorKind::NotFound => return Err(unwritable(cause)),
             _ => {}
         }
-        let file = File::create_new(&beside).map_err(unwritable)?;
+        let mode = if kind == Kind::Token { 0o600 } else { 0o666 };
+        let mut options = File::options();
+        let new = options.read(true).write(true).create_new(true).mode(mode);
+        let file = new.open(&beside).map_err(unwritable)?;
         Ok(Self {
             path: path.into(),
             beside,

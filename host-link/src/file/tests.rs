@@ -135,6 +135,8 @@ fn text_that_is_not_utf_8_is_refused() {
     let path = here.path().join("a.toml");
     fs::write(&path, b"mode = \"\xFF\"").unwrap();
     assert!(matches!(read_text(&path), Err(Error::Content { .. })));
+    fs::write(&path, "\u{FEFF}mode").unwrap();
+    assert_eq!(read_text(&path).as_deref(), Ok("mode"));
 }
 
 #[test]
@@ -166,7 +168,13 @@ fn kept_file_of_another_user_is_believed_in_a_folder_of_few_only() {
     fs::write(&kept, "x").unwrap();
     symlink(&kept, &link).unwrap();
     let rights = |mode| fs::set_permissions(here.path(), fs::Permissions::from_mode(mode)).unwrap();
+    let replaces = |other: bool| {
+        let [file, folder] = [&kept, here.path()].map(|path| fs::metadata(path).unwrap());
+        may_replace(file.uid() + u32::from(other), &file, &folder)
+    };
+    assert!(replaces(true));
     rights(0o1777);
+    assert!(replaces(false) && !replaces(true));
     ensure_trusted(&kept).unwrap();
     for wrong in [&link, here.path(), &none] {
         assert!(ensure_trusted(wrong).is_err(), "{}", wrong.display());
