@@ -50,7 +50,7 @@ impl LogSource for SerialPort {
         let received = self.received.get_or_insert_with(|| spawn_reader(path));
         let mut fresh = Vec::new();
         for bytes in received.try_iter() {
-            let advice = "name the Pi's serial port with --uart, and join the group dialout";
+            let advice = "name the Pi's serial port, and join the group dialout";
             match bytes {
                 Ok(bytes) => fresh.extend(bytes),
                 Err(cause) => self.failure = Some(Error::device(path.display(), cause, advice)),
