@@ -53,7 +53,9 @@ mod tests {
     #[test]
     fn layout_1_keeps_every_value_and_undefined_byte() {
         let old = layout_1();
-        let settings = Settings::from_image(&old).unwrap();
+        let refused = Settings::from_image(&old).unwrap_err().to_string();
+        assert!(refused.contains("`robot eeprom migrate`"), "{refused}");
+        let settings = Settings::migrated(&old).unwrap();
         for field in FIELDS.iter().filter(|field| field.constant().is_none()) {
             let kept = field.address < 0x0334;
             let before = if kept { &old } else { &Image::FIRST_BOARD };
@@ -68,7 +70,7 @@ mod tests {
         for at in [0x0000, 0x0280, 0x030C, 0x0334] {
             let mut image = layout_1();
             image.0[at] ^= 1;
-            assert!(Settings::from_image(&image).is_err(), "{at:#06x}");
+            assert!(Settings::migrated(&image).is_err(), "{at:#06x}");
         }
         // The checksum is right, the content is not.
         let [mut foreign_key, mut nine_cells] = [layout_1(), layout_1()];
@@ -76,7 +78,7 @@ mod tests {
         nine_cells.set(CELLS, 9);
         for (mut image, expected) in [(foreign_key, "key is"), (nine_cells, "cells is 9")] {
             seal(&mut image);
-            let error = Settings::from_image(&image).unwrap_err().to_string();
+            let error = Settings::migrated(&image).unwrap_err().to_string();
             assert!(error.contains(expected), "{error}");
         }
     }

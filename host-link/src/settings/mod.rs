@@ -61,7 +61,7 @@ impl Settings {
         Self::first_board()?.with(&[(fields::MODE, mode), (fields::GYRO, 1)])
     }
 
-    /// What an image holds. One of layout 1 is converted.
+    /// What an image holds.
     ///
     /// # Errors
     /// [`Error::Rejected`] names address, field, value and accepted range.
@@ -71,9 +71,21 @@ impl Settings {
             let blank = "it is blank; `robot eeprom init` makes a file to start from";
             return Err(rejected(blank.into()));
         }
-        let image = migrate::from_layout_1(image).unwrap_or_else(|| image.clone());
-        let config = Config::decode(&image).map_err(|error| rejected(error.to_string()))?;
+        if migrate::from_layout_1(image).is_some() {
+            let old = "it is of layout 1, which `robot eeprom migrate` converts";
+            return Err(rejected(old.into()));
+        }
+        let config = Config::decode(image).map_err(|error| rejected(error.to_string()))?;
+        let image = image.clone();
         Ok(Self { image, config })
+    }
+
+    /// The same of an image to edit: one of layout 1, which the STM rejects, is converted.
+    ///
+    /// # Errors
+    /// Those of [`Self::from_image`].
+    pub fn migrated(image: &Image) -> Result<Self, Error> {
+        Self::from_image(migrate::from_layout_1(image).as_ref().unwrap_or(image))
     }
 
     /// With other raw values in some fields; page 0x03 is written where one of them lies there.

@@ -159,13 +159,16 @@ pub enum Eeprom {
         #[arg(long)]
         force: bool,
     },
-    /// Write an image file back, whatever it holds
+    /// Write an image file back, also one that is rejected
     Restore {
         /// Image file of 768 (original) to 65536 bytes, of which pages 0x00 to 0x03 are written
         file: PathBuf,
         /// Only show what would change
         #[arg(long)]
         dry_run: bool,
+        /// Write the file though it holds no EEPROM image
+        #[arg(long)]
+        force: bool,
     },
 }
 

@@ -21,12 +21,21 @@ pub fn run(command: &Eeprom, context: Context<'_>) -> Result<Exit, Error> {
             let settings = Settings::load(file)?;
             put(|present| onto(present, &settings), *dry_run, context)
         }
-        Eeprom::Restore { file, dry_run } => {
+        Eeprom::Restore {
+            file,
+            dry_run,
+            force,
+        } => {
             let image = image::load(file)?;
+            if !force && !file::is_image(&image.0) {
+                let instead = "write a .toml with `robot eeprom write`, or give --force";
+                let what = format!("{} holds no EEPROM image; {instead}", file.display());
+                return Err(Error::Usage(what));
+            }
             put(|_| image, *dry_run, context)
         }
         Eeprom::Migrate { dry_run } => {
-            let settings = Settings::from_image(&get(None, context)?)?;
+            let settings = Settings::migrated(&get(None, context)?)?;
             put(|_| settings.platform_written(), *dry_run, context)
         }
         Eeprom::Check { file } => check(&get(file.as_deref(), context)?, context.output),
@@ -139,7 +148,7 @@ fn dump(image: &Image, hex: bool, output: Output) -> Result<(), Error> {
         let bytes = json!({ "bytes": image.0.len(), "hex": digits });
         return output.result(&bytes, || image::hex(image));
     }
-    let settings = Settings::from_image(image)?;
+    let settings = Settings::migrated(image)?;
     let toml = render(&settings);
     let dumped = json!({
         "platform_page": settings.platform_page(),
@@ -170,9 +179,10 @@ impl Difference {
             .into_iter()
             .map(|stretch| (stretch.start, stretch.end - 1))
             .collect();
-        let decoded = (Settings::from_image(present), Settings::from_image(wanted));
+        let decoded = (Settings::migrated(present), Settings::migrated(wanted));
         let (fields, rejected) = match decoded {
             (Ok(before), Ok(after)) => (Some(changes(&before, &after)), None),
+            (Err(_), _) if *present == Image::BLANK => (None, Some("the EEPROM is blank".into())),
             (Err(why), _) => (None, Some(format!("what is there now: {why}"))),
             (_, Err(why)) => (None, Some(format!("what is to be written: {why}"))),
         };
