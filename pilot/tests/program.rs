@@ -5,7 +5,9 @@ use host_link::settings::Settings;
 use mapper::Grid;
 use pilot::mapping::{BODY_MM, RangeSample};
 use pilot::recording::Recorder;
+use std::ffi::OsStr;
 use std::fs::{self, File};
+use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Instant;
@@ -60,12 +62,19 @@ fn senseless_options_are_refused_by_name() {
         ("--rate 0 status", "--rate"),
         ("--eeprom-image other.bin status", "--eeprom-image"),
         ("goto 1 2 --map map.yaml --timeout 3", "--timeout"),
+        ("map tour --out maps/", "--out"),
+        ("explore --out ..", "--out"),
+        ("eeprom restore Cargo.toml", "`robot eeprom write`"),
     ] {
         let (code, _, stderr) = run(words);
         assert_eq!(code, 2, "{words}: {stderr}");
         assert!(stderr.contains(name), "{words}: {stderr}");
         assert!(stderr.starts_with("robot: "), "{words}: {stderr}");
     }
+    let mut explore = robot();
+    explore.args(["explore", "--out"]);
+    let done = explore.arg(OsStr::from_bytes(b"\xFF")).output().unwrap();
+    assert_eq!(done.status.code(), Some(2), "{done:?}");
 }
 
 // Requirement: WIRE-program-2

@@ -2,6 +2,7 @@
 #![allow(clippy::doc_markdown)] // the comments are the help text
 
 use super::number::number;
+use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Args, Subcommand, value_parser};
 use pilot::calibrate::distance::Measured;
 use pilot::calibrate::run::LENGTHS_MM;
@@ -74,6 +75,15 @@ pub enum MeasureWith {
     Tape,
     /// The simulation, which knows where the virtual robot stands
     Truth,
+}
+
+/// Files to write, a text to the last ending: a map's YAML and JSON hold it.
+pub fn stem(path: PathBuf) -> Result<PathBuf, &'static str> {
+    match path.to_str().and_then(|text| text.rsplit('/').next()) {
+        None => Err("accepted is a text in UTF-8"),
+        Some("" | "." | "..") => Err("a folder: add the files' name"),
+        Some(_) => Ok(path),
+    }
 }
 
 /// One or two numbers, separated by a comma or a blank.
@@ -152,7 +162,7 @@ pub struct StepArgs {
     #[arg(long, value_name = "ZETA", value_parser = number(0.3..=3.0))]
     pub damping: Option<f64>,
     /// Files to write, without their endings .csv and .png; tune-rotate or tune-move without it
-    #[arg(long, value_name = "STEM")]
+    #[arg(long, value_name = "STEM", value_parser = PathBufValueParser::new().try_map(stem))]
     pub out: Option<PathBuf>,
     #[command(flatten)]
     pub consent: Consent,
