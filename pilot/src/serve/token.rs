@@ -1,9 +1,10 @@
 //! The token that clients over a network show: a file that its owner alone can read.
 
 use host_link::error::Error;
+use host_link::file::{self, Kind};
 use std::fs::{self, File};
-use std::io::{ErrorKind, Read, Write};
-use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
+use std::io::{ErrorKind, Read};
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
 /// Random bytes of a new token.
@@ -12,40 +13,27 @@ const BYTES: usize = 16;
 /// Reads the token; a file that does not exist is made with a new one.
 ///
 /// # Errors
-/// [`Error::Unreadable`], [`Error::Unwritable`]; [`Error::Content`] of a file that others can read, or
-/// of less than 16 characters.
+/// Those of [`file::ensure_trusted`], [`file::read_text`] and [`file::save`]; [`Error::Content`] of a file that
+/// others can read, or of less than 16 characters.
 // Requirement: SERVE-client-3
 pub fn load(path: &Path) -> Result<String, Error> {
-    let made = File::options()
-        .write(true)
-        .create_new(true)
-        .mode(0o600)
-        .open(path);
-    match made {
-        Ok(mut file) => {
-            let mut random = [0; BYTES];
-            let source = Path::new("/dev/urandom");
-            let filled = File::open(source).and_then(|mut file| file.read_exact(&mut random));
-            filled.map_err(|cause| Error::unreadable(source, &cause))?;
-            let token = format!("{:032x}", u128::from_ne_bytes(random));
-            let written = writeln!(file, "{token}").and_then(|()| file.sync_all());
-            written.map_err(|cause| Error::unwritable(path, &cause))?;
-            return Ok(token);
-        }
-        Err(cause) if cause.kind() == ErrorKind::AlreadyExists => {}
-        Err(cause) => return Err(Error::unwritable(path, &cause)),
+    let found = fs::symlink_metadata(path);
+    if found.is_err_and(|cause| cause.kind() == ErrorKind::NotFound) {
+        let mut random = [0; BYTES];
+        let source = Path::new("/dev/urandom");
+        let filled = File::open(source).and_then(|mut file| file.read_exact(&mut random));
+        filled.map_err(|cause| Error::unreadable(source, &cause))?;
+        let token = format!("{:032x}", u128::from_ne_bytes(random));
+        file::save(path, Kind::Token, format!("{token}\n").as_bytes())?;
+        return Ok(token);
     }
-    let unreadable = |cause| Error::unreadable(path, &cause);
-    let metadata = fs::metadata(path).map_err(unreadable)?;
+    file::ensure_trusted(path)?;
+    let metadata = fs::metadata(path).map_err(|cause| Error::unreadable(path, &cause))?;
     if metadata.mode() & 0o077 != 0 {
         let what = "others can read the token; `chmod 600` it, or remove it for a new one";
         return Err(Error::content(path, None, what));
     }
-    let mut text = String::new();
-    let file = File::open(path).map_err(unreadable)?;
-    file.take(1024)
-        .read_to_string(&mut text)
-        .map_err(unreadable)?;
+    let text = file::read_text(path)?;
     let token = text.trim();
     if token.len() < BYTES {
         let what =
@@ -80,8 +68,10 @@ mod tests {
         assert!(
             same(&token, &token) && !same(&token, &token[1..]) && !same(&token, &"0".repeat(32))
         );
-        fs::set_permissions(&path, fs::Permissions::from_mode(0o640)).unwrap();
-        assert!(matches!(load(&path), Err(Error::Content { .. })));
+        for mode in [0o640, 0o604] {
+            fs::set_permissions(&path, fs::Permissions::from_mode(mode)).unwrap();
+            assert!(matches!(load(&path), Err(Error::Content { .. })));
+        }
         fs::set_permissions(&path, fs::Permissions::from_mode(0o600)).unwrap();
         fs::write(&path, "short\n").unwrap();
         assert!(matches!(load(&path), Err(Error::Content { .. })));
