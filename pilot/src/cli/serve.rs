@@ -34,7 +34,7 @@ pub fn run(serve: &Serve, context: Context<'_>) -> Result<(), Error> {
             .message(&format!("serving on {}", path.display()));
         if let Some(address) = &serve.listen {
             let token = load_token(context)?;
-            listener::tcp(address, &token, &hub)?;
+            let address = listener::tcp(address, &token, &hub)?;
             context.output.message(&format!("serving on {address}"));
         }
         #[cfg(feature = "web")]

@@ -6,7 +6,7 @@ use super::token;
 use host_link::error::{Error, Exit};
 use std::fs;
 use std::io::{self, ErrorKind, Read, Write};
-use std::net::{Shutdown, TcpListener, ToSocketAddrs};
+use std::net::{Shutdown, SocketAddr, TcpListener, ToSocketAddrs};
 use std::os::fd::OwnedFd;
 use std::os::unix::fs::{FileTypeExt, PermissionsExt};
 use std::os::unix::net::{UnixListener, UnixStream};
@@ -251,13 +251,14 @@ pub fn unix(path: &Path, hub: &Hub) -> Result<SocketFile, Error> {
     Ok(file)
 }
 
-/// Binds a TCP listener.
+/// Binds a TCP listener; where port 0 is asked for, its address has the one that is free.
 ///
 /// # Errors
 /// [`Error::Device`].
-pub fn bind(address: &str) -> Result<TcpListener, Error> {
+pub fn bind(address: &str) -> Result<(TcpListener, SocketAddr), Error> {
     let bound = address.to_socket_addrs().map(Iterator::collect::<Vec<_>>);
     let bound = bound.and_then(|all| TcpListener::bind(&all[..]));
+    let bound = bound.and_then(|listener| listener.local_addr().map(|at| (listener, at)));
     bound.map_err(|cause| Error::Device {
         name: format!("the address {address}"),
         cause: cause.to_string(),
@@ -275,18 +276,14 @@ pub fn accept_tcp(listener: &TcpListener) -> io::Result<UnixStream> {
     Ok(OwnedFd::from(stream).into())
 }
 
-/// Listens on TCP for clients with the token.
+/// Listens on TCP for clients with the token; the address.
 ///
 /// # Errors
 /// [`Error::Device`].
-pub fn tcp(address: &str, token: &Arc<str>, hub: &Hub) -> Result<(), Error> {
-    let (listener, token) = (bind(address)?, Arc::clone(token));
+pub fn tcp(address: &str, token: &Arc<str>, hub: &Hub) -> Result<SocketAddr, Error> {
+    let ((listener, address), token) = (bind(address)?, Arc::clone(token));
     let client = move |stream, port| serve(&Lines(stream), &port, Some(&token));
-    accept(
-        &hub.of_network(),
-        move || accept_tcp(&listener),
-        client,
-        refuse_line,
-    );
-    Ok(())
+    let next = move || accept_tcp(&listener);
+    accept(&hub.of_network(), next, client, refuse_line);
+    Ok(address)
 }

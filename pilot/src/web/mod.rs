@@ -36,9 +36,7 @@ const HEADERS: &str = "Content-Security-Policy: default-src 'none'; script-src '
 /// # Errors
 /// [`Error::Device`].
 pub fn serve(address: &str, token: &Arc<str>, hub: &Hub) -> Result<String, Error> {
-    let listener = listener::bind(address)?;
-    let address = listener.local_addr().map(|address| address.to_string());
-    let address = address.unwrap_or_default();
+    let (listener, address) = listener::bind(address)?;
     let url = format!("http://{address}/#{token}");
     let token = Arc::clone(token);
     let client = move |stream, port| {

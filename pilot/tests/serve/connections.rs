@@ -7,7 +7,7 @@ use pilot::serve::hub::{self, Event, Hub, MAX_CLIENTS, MAX_WITH_NETWORK};
 use pilot::serve::listener::{self, GREETING, Lines};
 use pilot::serve::protocol::{MAX_LINE, Request};
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
-use std::net::{Shutdown, TcpListener, TcpStream};
+use std::net::{Shutdown, TcpStream};
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::sync::Mutex;
@@ -117,11 +117,8 @@ fn connection_without_a_valid_hello_gets_a_refusal() {
 #[test]
 fn network_client_without_the_token_is_refused() {
     let (hub, _events) = Hub::new();
-    let free = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = free.local_addr().unwrap().to_string();
-    drop(free);
-    listener::tcp(&address, &"0123456789abcdef".into(), &hub).unwrap();
-    let mut client = TcpStream::connect(&address).unwrap();
+    let address = listener::tcp("127.0.0.1:0", &"0123456789abcdef".into(), &hub).unwrap();
+    let mut client = TcpStream::connect(address).unwrap();
     client.set_read_timeout(Some(GREETING)).unwrap();
     client.write_all(&line(&hello(""))).unwrap();
     let refusal = BufReader::new(client).lines().next().unwrap().unwrap();
