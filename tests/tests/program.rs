@@ -143,7 +143,6 @@ fn senseless_drives_are_refused_before_they_move() {
     fs::create_dir(program.file("eeprom.bin.explored.json")).expect("made");
     program.expect_each(
         r#"
-        2 | --rate 7 goto 100 0 0 | would come 142 ms apart
         2 | --rate 7 monitor | would come 142 ms apart
         2 | bringup robot.toml --link | --link
         2 | map --from drive.mcap --timeout 2 | --timeout
