@@ -290,7 +290,7 @@ def check_reports(robot, participant, client):
     robot_mm = frame["robot"]["ranges_mm"]
     for name, mm in zip(("range_front", "range_right", "range_left"), robot_mm):
         measured = read[name]
-        assert measured.header.frame_id == name and measured.max_range == 2.5
+        assert measured.header.frame_id == name and measured.max_range == 2.5 and abs(measured.min_range - 0.02) < 1e-6
         assert abs(measured.field_of_view - 0.26) < 0.01, measured.field_of_view
         assert name == "range_front" or mm is None or abs(measured.range * 1000 - mm) < 40, (name, measured.range, mm)
     battery = read["battery_state"]
@@ -336,6 +336,8 @@ def main(program, elf, folder):
         off_mm = check_goal(robot, participant, client)
         check_reports(robot, participant, client)
         assert silent_s < STOPPED_S and stop_s < STOPPED_S, (silent_s, stop_s)
+        # What changes slowly comes once a second.
+        assert robot.counts["battery_state"] < robot.counts["odom"] / 10, robot.counts
         counts = sum(robot.counts.values())
         bridge.send_signal(signal.SIGTERM)
         bridge.wait(10)

@@ -227,7 +227,7 @@ mod tests {
             [Some(812.0), None, None],
         );
         (robot.state, robot.faults) = (Some("faulted"), vec!["left-stalled"]);
-        let (pose, deviation_mm) = (Pose::new(400.0, 400.0, 90.0), 12.0);
+        let (pose, deviation_mm) = (Pose::new(400.0, 400.0, -90.0), 12.0);
         let frame = protocol::Frame {
             robot,
             estimate: Some(Estimate { pose, deviation_mm }),
@@ -286,7 +286,7 @@ mod tests {
             "! another client drives",
             "I00042: link frames 40",
             "space STOP",
-            "↑",
+            "↓",
         ] {
             assert!(text.contains(expected), "{expected}:\n{text}");
         }
