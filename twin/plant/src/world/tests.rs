@@ -49,7 +49,10 @@ fn step_size_does_not_change_path() {
 
 #[test]
 fn wall_stops_robot_and_encoders_and_counts_once() {
-    let mut world = world(Room::default().with_wall(300.0, -900.0, 300.0, 900.0));
+    let mut world = world(Room::default());
+    drive(&mut world, 100, 1.0, 0.75);
+    // The room changes while it drives.
+    world.set_room(Room::default().with_wall(300.0, -900.0, 300.0, 900.0));
     drive(&mut world, 4000, 1.0, 0.75);
     assert_eq!(world.collisions().len(), 1);
     let clearance = world.room().clearance_mm(world.pose().position());
