@@ -257,6 +257,10 @@ mod tests {
         assert!((200.0..260.0).contains(&variance), "{vague:?}");
         let drifting = matched(true, 15.0, 10.0).covariance[(0, 0)];
         assert!(drifting > variance + 5.0, "{drifting}");
+        // What knows less than the prior takes nothing from it.
+        let worse = matched(true, 60.0, 0.0).covariance;
+        let prior = prior_covariance()[(0, 0)];
+        assert!(worse[(0, 0)] < 1.01 * prior, "{worse}");
     }
 
     #[test]

@@ -80,6 +80,9 @@ fn spread_covers_all_places_by_their_weight() {
     let (mean, covariance) = spread(&[(near, 5.0), (far, 5.0), (at(9e3, 0.0), 900.0)], 1.0);
     assert!((mean[0] - 1000.0).abs() < 1e-6 && (covariance[(0, 0)].sqrt() - 1000.0).abs() < 2.0);
     assert!(geometry::wrap_angle(mean[2] - PI).abs() < 1e-9 && covariance[(2, 2)] < 0.01);
+    // A coarse pose alone stands for half the spacing around it.
+    let alone = spread(&[(near, 5.0)], 1.0).1;
+    assert!((alone[(0, 0)] - 2500.0).abs() < 1e-6 && (alone[(2, 2)] - 0.002).abs() < 1e-9);
 }
 
 #[test]
