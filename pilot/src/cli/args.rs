@@ -4,7 +4,6 @@
 use super::board_args::BoardArgs;
 use super::measuring_args::{Calibrate, Tune, stem};
 use super::number::{SMALLEST, number};
-use clap::builder::{PathBufValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, value_parser};
 use fw_core::wire::Mode;
 use host_link::error::Exit;
@@ -340,7 +339,7 @@ pub struct Map {
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     pub record: Option<PathBuf>,
     /// Files to write, without their endings .png, .pgm, .yaml; the map by odometry alone gets -raw
-    #[arg(long, value_name = "STEM", default_value = "map", value_parser = PathBufValueParser::new().try_map(stem))]
+    #[arg(long, value_name = "STEM", default_value = "map", value_parser = stem())]
     pub out: PathBuf,
     /// Size of a map cell, mm
     #[arg(long, value_name = "MM", default_value_t = 25, value_parser = value_parser!(u16).range(5..=500))]
@@ -361,7 +360,7 @@ pub struct Replay {
 #[derive(Args)]
 pub struct Explore {
     /// Files to write, without their endings .png, .pgm, .yaml; the map by odometry alone gets -raw
-    #[arg(long, value_name = "STEM", default_value = "map", value_parser = PathBufValueParser::new().try_map(stem))]
+    #[arg(long, value_name = "STEM", default_value = "map", value_parser = stem())]
     pub out: PathBuf,
     /// Record while driving (MCAP with ROS 2 messages)
     #[arg(long, value_name = "FILE")]

@@ -2,7 +2,6 @@
 
 use super::board_args::{BoardArgs, VirtualBoardArgs};
 use super::output::Output;
-use fw_core::eeprom::Config;
 use host_link::board_io::{BoardIo, Interrupt};
 use host_link::eeprom::journal::Journal;
 use host_link::eeprom::repair::{self, Repaired};
@@ -156,14 +155,6 @@ impl Context<'_> {
     /// Reads the EEPROM and starts exchanging frames.
     pub fn open_session<'io>(&self, io: &'io mut BoardIo) -> Result<Session<'io>, Error> {
         drive::open_session(io, self.board.rate, self.board.ready_timeout)
-    }
-
-    /// The stop deadline must survive the loss of a frame.
-    ///
-    /// # Errors
-    /// [`Error::Usage`].
-    pub fn check_rate(&self, config: &Config) -> Result<(), Error> {
-        drive::check_rate(self.board.rate, config)
     }
 
     /// Where something about this robot is kept from run to run.

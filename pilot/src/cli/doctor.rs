@@ -54,14 +54,12 @@ fn check(
 ) -> Result<(), Error> {
     let (rate, timeout) = (context.board.rate, context.board.ready_timeout);
     let image = doctor::check_board(io, rate, timeout, findings)?;
-    let image = match image {
-        Some(image) if doctor.wheels_up => image,
-        image => {
-            if doctor.wheels_up && image.is_none() {
-                doctor::skip_wheels(findings);
-            }
-            return Ok(());
-        }
+    if !doctor.wheels_up {
+        return Ok(());
+    }
+    let Some(image) = image else {
+        doctor::skip_wheels(findings);
+        return Ok(());
     };
     let what = "Lift the wheels off the floor; they will turn ahead and back.";
     prompt::confirm_drive(doctor.yes, what, &io.interrupt, context.output)?;

@@ -174,7 +174,7 @@ pub fn ensure_mode(
     let Connection { io, journal, .. } = connection;
     let image = eeprom::read(io)?;
     let config = settings::decode(&image)?;
-    context.check_rate(&config)?;
+    pilot::drive::check_rate(context.board.rate, &config)?;
     let mode = config.mode();
     if mode.has(Field::Velocity) {
         if !config.gyro() {

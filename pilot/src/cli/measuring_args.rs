@@ -77,8 +77,13 @@ pub enum MeasureWith {
     Truth,
 }
 
-/// Files to write, a text to the last ending: a map's YAML and JSON hold it.
-pub fn stem(path: PathBuf) -> Result<PathBuf, &'static str> {
+/// Files to write, without their endings.
+pub fn stem() -> impl TypedValueParser<Value = PathBuf> {
+    PathBufValueParser::new().try_map(checked_stem)
+}
+
+/// A text to the last ending: a map's YAML and JSON hold it.
+fn checked_stem(path: PathBuf) -> Result<PathBuf, &'static str> {
     match path.to_str().and_then(|text| text.rsplit('/').next()) {
         None => Err("accepted is a text in UTF-8"),
         Some("" | "." | "..") => Err("a folder: add the files' name"),
@@ -162,7 +167,7 @@ pub struct StepArgs {
     #[arg(long, value_name = "ZETA", value_parser = number(0.3..=3.0))]
     pub damping: Option<f64>,
     /// Files to write, without their endings .csv and .png; tune-rotate or tune-move without it
-    #[arg(long, value_name = "STEM", value_parser = PathBufValueParser::new().try_map(stem))]
+    #[arg(long, value_name = "STEM", value_parser = stem())]
     pub out: Option<PathBuf>,
     #[command(flatten)]
     pub consent: Consent,

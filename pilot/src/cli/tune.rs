@@ -106,7 +106,7 @@ fn steps(
     let original = eeprom::read(io)?;
     let settings = Settings::from_image(&original)?;
     let rate = context.board.rate;
-    context.check_rate(settings.config())?;
+    pilot::drive::check_rate(rate, settings.config())?;
     plan.check_dead_zones(settings.config())?;
     let stem = arguments.stem(axis);
     export::check(&stem)?;

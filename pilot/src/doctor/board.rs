@@ -4,7 +4,6 @@ use super::Findings;
 use crate::hints;
 use fw_core::eeprom::{Config, Image, KEY};
 use fw_core::types::Faults;
-use fw_core::wire::Cause;
 use host_link::board_io::BoardIo;
 use host_link::eeprom::{self, chip};
 use host_link::error::Error;
@@ -133,10 +132,6 @@ fn link(
     }
     let mut snapshot = session.snapshot().clone();
     snapshot.link = session.statistics();
-    if let Some(stm) = &mut snapshot.stm {
-        // Every session since the STM's reset began with some.
-        stm.causes.set(Cause::Stale, 0);
-    }
     let log_error = session.log_error().map(str::to_owned);
     let faults = std::mem::take(&mut snapshot.faults);
     let hints = hints::diagnose(&snapshot, config);
