@@ -82,24 +82,19 @@ fn nth_word(line: &str, index: usize) -> usize {
 /// # Errors
 /// The index of the word to blame; the word and the accepted range.
 pub fn parse_pose(x: &str, y: &str, rotation: &str) -> Result<Pose, (usize, String)> {
-    let number = |index, field: &str, word: &str, limit, unit: &str| {
-        number(field, word, limit, unit).map_err(|what| (index, what))
+    let number = |index, field: &str, word: &str, limit: f64, unit: &str| match word.parse() {
+        // NaN is in no range.
+        Ok(value) if (-limit..=limit).contains(&value) => Ok(value),
+        _ => Err((
+            index,
+            format!("{field} = {word}: accepted is a number from -{limit} to {limit} {unit}"),
+        )),
     };
     Ok(Pose::new(
         number(0, "x", x, MAX_COORDINATE_MM, "mm")?,
         number(1, "y", y, MAX_COORDINATE_MM, "mm")?,
         number(2, "rotation", rotation, MAX_ROTATION_DEG, "degrees")?,
     ))
-}
-
-fn number(field: &str, word: &str, limit: f64, unit: &str) -> Result<f64, String> {
-    match word.parse::<f64>() {
-        // NaN is in no range.
-        Ok(value) if (-limit..=limit).contains(&value) => Ok(value),
-        _ => Err(format!(
-            "{field} = {word}: accepted is a number from -{limit} to {limit} {unit}"
-        )),
-    }
 }
 
 #[cfg(test)]

@@ -3,16 +3,15 @@
 //! counter-clockwise, and from the two clusters of ends the errors of the track and of the wheels' ratio.
 //! One direction alone cannot separate them, they may even cancel.
 //!
-//! The paper's two formulas hold for small angles. They are reported as the first-order estimate; what
-//! is written comes from [`least_squares`](super::least_squares): the track and the ratio with which the very
-//! paths that the wheels rolled end where they were measured.
+//! The paper's two formulas hold for small angles. What is written comes from
+//! [`least_squares`](super::least_squares): the track and the ratio with which the very paths that the wheels rolled
+//! end where they were measured.
 
 use super::least_squares::fit_factors;
 use super::wheel_geometry::WheelGeometry;
 use super::wheel_path::WheelPath;
 use crate::ground_truth::Point;
 use serde::Serialize;
-use std::f64::consts::FRAC_PI_2;
 
 /// Largest change of the wheels' ratio accepted.
 pub const ACCEPTED_RATIO: f64 = 0.12;
@@ -77,8 +76,6 @@ pub struct Score {
 pub struct Estimate {
     /// The ends as they were.
     pub score: Score,
-    /// The paper's first-order estimates: true over configured track, true over configured ratio.
-    pub first_order: [f64; 2],
     /// True over configured track, and its standard deviation.
     pub track: f64,
     /// Standard deviation of it.
@@ -139,21 +136,6 @@ impl EndCluster {
     }
 }
 
-/// Borenstein and Feng's formulas, for corners that turn by α too much and sides that bend to the left
-/// by β: clockwise the end is off by 2L(α − β) ahead, counter-clockwise by 2L(α + β). Track and ratio,
-/// true over configured.
-fn first_order(score: &Score, side_mm: f64, track_mm: f64) -> [f64; 2] {
-    let (cw, ccw) = (
-        score.clockwise.centre.ahead_mm,
-        score.counter_clockwise.centre.ahead_mm,
-    );
-    let alpha = (ccw + cw) / (4.0 * side_mm);
-    let beta = (ccw - cw) / (4.0 * side_mm);
-    // Radius of the bend is L/2 / sin(β/2), and the wheels roll R ± b/2.
-    let bend = track_mm * (beta / 2.0).sin() / side_mm;
-    [FRAC_PI_2 / (FRAC_PI_2 + alpha), (1.0 + bend) / (1.0 - bend)]
-}
-
 /// The track and the ratio that explain all ends best.
 ///
 /// # Errors
@@ -210,7 +192,6 @@ pub fn solve(runs: &[SquareRun], side_mm: f64) -> Result<Estimate, String> {
     }
     Ok(Estimate {
         score,
-        first_order: first_order(&score, side_mm, present.track_mm),
         track,
         track_deviation: fitted.deviations[0],
         ratio,

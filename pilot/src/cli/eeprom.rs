@@ -222,13 +222,6 @@ impl Difference {
     }
 }
 
-#[derive(Serialize)]
-struct Outcome {
-    difference: Difference,
-    written: bool,
-    ready_ms: Option<u32>,
-}
-
 /// Shows the difference, then writes it.
 fn put(
     wanted: impl FnOnce(&Image) -> Image,
@@ -240,12 +233,9 @@ fn put(
         let present = eeprom::read(io)?;
         let wanted = &wanted(&present);
         if dry_run {
-            let done = Outcome {
-                difference: Difference::between(&present, wanted),
-                written: false,
-                ready_ms: None,
-            };
-            return output.result(&done, || done.difference.summary());
+            let difference = Difference::between(&present, wanted);
+            let done = json!({ "difference": difference, "written": false, "ready_ms": null });
+            return output.result(&done, || difference.summary());
         }
         let timeout = context.board.ready_timeout;
         let outcome = eeprom::program(io, wanted, timeout, Some(journal), |step| {
@@ -256,16 +246,11 @@ fn put(
         });
         output.live("");
         let programmed = outcome?;
-        let done = Outcome {
-            difference: Difference::between(&programmed.before, wanted),
-            written: true,
-            ready_ms: Some(programmed.ready_ms),
-        };
+        let difference = Difference::between(&programmed.before, wanted);
+        let (bytes, ready_ms) = (programmed.bytes, programmed.ready_ms);
+        let done = json!({ "difference": difference, "written": true, "ready_ms": ready_ms });
         output.result(&done, || {
-            format!(
-                "{} bytes written and read back; protected; STM ready {} ms after its reset",
-                programmed.bytes, programmed.ready_ms
-            )
+            format!("{bytes} bytes written and read back; protected; STM ready {ready_ms} ms after its reset")
         })
     })
 }

@@ -15,14 +15,12 @@ use mapper::{Cell, Grid, Localiser, Point, PoseEstimate};
 use navigator::{Explorer, GoTo, Outcome};
 use pilot::calibrate::explored::Explored;
 use pilot::exploring::{self, Drive, Localisation, Plan, Step};
-use pilot::mapping::{self, Files};
-use serde::Serialize;
+use pilot::mapping;
+use pilot::serve::control::CELL_MM;
 use serde_json::json;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Cells of the map, mm.
-const CELL_MM: f64 = 25.0;
 /// Frames between two live lines: counting the map's cells takes time.
 const LIVE_FRAMES: u32 = 20;
 
@@ -208,19 +206,6 @@ pub fn ensure_mode(
     Ok(())
 }
 
-#[derive(Serialize)]
-struct Done {
-    files: Files,
-    raw_files: Files,
-    outcome: Option<&'static str>,
-    seconds: Option<f64>,
-    stops: Option<u32>,
-    free_m2: f64,
-    path_mm: f64,
-    learned: Explored,
-    link: LinkStatistics,
-}
-
 fn save(
     explore: &Explore,
     localisation: &Localisation,
@@ -228,36 +213,38 @@ fn save(
     link: LinkStatistics,
     context: Context<'_>,
 ) -> Result<(), Error> {
-    let raw = &localisation.raw;
-    let done = Done {
-        files: localisation.save_map(&explore.out)?,
-        raw_files: raw.save_map(&map::raw_stem(&explore.out))?,
-        outcome: drive.map(|drive| outcome_name(drive.outcome)),
-        seconds: drive.map(|drive| drive.seconds),
-        stops: drive.map(|drive| drive.stops),
-        free_m2: free_m2(localisation.localiser.grid()),
-        path_mm: raw.path_mm(),
-        learned,
-        link,
-    };
+    let (raw, free_m2) = (&localisation.raw, free_m2(localisation.localiser.grid()));
+    let files = localisation.save_map(&explore.out)?;
+    let raw_files = raw.save_map(&map::raw_stem(&explore.out))?;
+    let (path_mm, outcome) = (
+        raw.path_mm(),
+        drive.map(|drive| outcome_name(drive.outcome)),
+    );
+    let (seconds, stops) = (
+        drive.map(|drive| drive.seconds),
+        drive.map(|drive| drive.stops),
+    );
+    let done = json!({
+        "files": files, "raw_files": raw_files, "outcome": outcome, "seconds": seconds, "stops": stops,
+        "free_m2": free_m2, "path_mm": path_mm, "learned": learned, "link": link,
+    });
     context.output.message(&format!(
         "{}; `robot calibrate from-explore` writes the wheels' figures",
         learned.summary()
     ));
-    let ended = drive.map(|drive| {
-        let (outcome, minutes) = (outcome_name(drive.outcome), drive.seconds / 60.0);
+    let ended = outcome.zip(seconds).map(|(outcome, seconds)| {
+        let minutes = seconds / 60.0;
         format!("{outcome} after {minutes:.1} min: ")
     });
     context.output.result(&done, || {
         format!(
-            "{}map of {:.1} m² over {:.1} m of way in {}, {}, {}; by odometry alone in {}",
+            "{}map of {free_m2:.1} m² over {:.1} m of way in {}, {}, {}; by odometry alone in {}",
             ended.unwrap_or_default(),
-            done.free_m2,
-            done.path_mm / 1000.0,
-            done.files.png.display(),
-            done.files.pgm.display(),
-            done.files.yaml.display(),
-            done.raw_files.png.display()
+            path_mm / 1000.0,
+            files.png.display(),
+            files.pgm.display(),
+            files.yaml.display(),
+            raw_files.png.display()
         )
     })
 }

@@ -10,7 +10,6 @@ use host_link::file::{self, Kind};
 use host_link::session::Session;
 use host_link::settings::{Change, Settings, changes};
 use pilot::tune::{Axis, battery, drive_model, export, gains, step_response, temporary_mode};
-use serde::Serialize;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -77,22 +76,6 @@ pub(super) fn ending(changes: &[Change], written: bool) -> &'static str {
     }
 }
 
-#[derive(Serialize)]
-struct Tuned {
-    axis: Axis,
-    model: drive_model::DriveModel,
-    samples: usize,
-    lost: u32,
-    present: gains::Factors,
-    proposed: gains::Factors,
-    predicted_present: gains::Response,
-    predicted: gains::Response,
-    csv: PathBuf,
-    picture: PathBuf,
-    changes: Vec<Change>,
-    written: bool,
-}
-
 fn steps(
     axis: Axis,
     arguments: &StepArgs,
@@ -102,12 +85,11 @@ fn steps(
     let output = context.output;
     let Connection { io, journal, .. } = &mut *connection;
     let plan = arguments.plan(axis);
-    plan.check()?;
     let original = eeprom::read(io)?;
     let settings = Settings::from_image(&original)?;
     let rate = context.board.rate;
     pilot::drive::check_rate(rate, settings.config())?;
-    plan.check_dead_zones(settings.config())?;
+    plan.check(settings.config())?;
     let stem = arguments.stem(axis);
     export::check(&stem)?;
     let what = axis.announce(&plan);
@@ -144,29 +126,15 @@ fn steps(
     let wanted = settings.with(&proposed.values(axis))?;
     let consent = (arguments.consent.yes, arguments.consent.dry_run);
     let (changes, written) = apply(connection, (&original, wanted.image()), consent, context)?;
-    let done = Tuned {
-        axis,
-        model,
-        samples: samples.len(),
-        lost: recorder.lost(),
-        present,
-        proposed,
-        predicted_present: before,
-        predicted: after,
-        csv,
-        picture,
-        changes,
-        written,
-    };
+    let (samples, lost) = (samples.len(), recorder.lost());
+    let done = json!({
+        "axis": axis, "model": model, "samples": samples, "lost": lost, "present": present, "proposed": proposed,
+        "predicted_present": before, "predicted": after, "csv": csv, "picture": picture, "changes": changes,
+        "written": written,
+    });
     output.result(&done, || {
-        format!(
-            "gains {}; {} samples ({} lost) in {}, {}",
-            ending(&done.changes, written),
-            done.samples,
-            done.lost,
-            done.csv.display(),
-            done.picture.display()
-        )
+        let (ending, csv, picture) = (ending(&changes, written), csv.display(), picture.display());
+        format!("gains {ending}; {samples} samples ({lost} lost) in {csv}, {picture}")
     })
 }
 

@@ -55,18 +55,6 @@ pub fn save_picture(
     samples: &[Sample],
     fitted: Option<(&DriveModel, &[Step], &Response, &Response)>,
 ) -> Result<PathBuf, Error> {
-    let path = file::with_suffix(stem, ".png");
-    let png = draw(&panels(axis, samples, fitted));
-    let png = png.map_err(|cause| Error::unwritable(&path, &cause))?;
-    file::save(&path, Kind::Png, &png)?;
-    Ok(path)
-}
-
-fn panels(
-    axis: Axis,
-    samples: &[Sample],
-    fitted: Option<(&DriveModel, &[Step], &Response, &Response)>,
-) -> Vec<Panel> {
     let curve = |name: &str, points: Vec<(f64, f64)>| Curve {
         name: name.into(),
         points,
@@ -101,5 +89,9 @@ fn panels(
             ],
         });
     }
-    panels
+    let path = file::with_suffix(stem, ".png");
+    let png = draw(&panels);
+    let png = png.map_err(|cause| Error::unwritable(&path, &cause))?;
+    file::save(&path, Kind::Png, &png)?;
+    Ok(path)
 }

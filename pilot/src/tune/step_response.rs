@@ -31,32 +31,12 @@ const MAX_STRAY: f64 = 2.0;
 
 impl StepPlan {
     /// # Errors
-    /// [`Error::Usage`] names the figure and what is accepted.
-    pub fn check(&self) -> Result<(), Error> {
-        let usage = |what: String| Err(Error::Usage(what));
-        if self.levels.len() < 2
-            || !self
-                .levels
-                .iter()
-                .all(|level| (1.0..=100.0).contains(level))
-        {
-            return usage("levels: accepted are two or more duties from 1 to 100 %".into());
+    /// [`Error::Usage`] for fewer than two duties, or for one that does not turn both wheels.
+    pub fn check(&self, config: &Config) -> Result<(), Error> {
+        if self.levels.len() < 2 {
+            let what = "--levels: accepted are two or more duties";
+            return Err(Error::Usage(what.into()));
         }
-        if !(0.2..=LONGEST_S).contains(&self.hold_s) || !(0.2..=10.0).contains(&self.rest_s) {
-            return usage(format!(
-                "a step of {} s with {} s of rest: accepted are 0.2 to {LONGEST_S} s and 0.2 to 10 s",
-                self.hold_s, self.rest_s
-            ));
-        }
-        if !(1.0..=2000.0).contains(&self.travel) {
-            return usage(format!("travel {}: accepted is 1 to 2000", self.travel));
-        }
-        Ok(())
-    }
-
-    /// # Errors
-    /// [`Error::Usage`] for a duty that does not turn both wheels.
-    pub fn check_dead_zones(&self, config: &Config) -> Result<(), Error> {
         let dead = config.left().dead_zone.max(config.right().dead_zone);
         let dead = f64::from(dead.hundredths()) / 100.0;
         match self.levels.iter().find(|&&level| level <= dead) {
@@ -71,15 +51,14 @@ impl StepPlan {
 /// Runs the steps and returns the record. `watch` gets each duty as its step begins.
 ///
 /// # Errors
-/// [`Error::Usage`] for a plan that is not accepted; those of [`Session::exchange`];
-/// [`Error::Silent`] after a fifth of a second without a valid reply; [`Error::Tuning`] without
-/// samples in the log or when the robot goes too far. On each of them, and on a panic, it is stopped first.
+/// Those of [`Session::exchange`]; [`Error::Silent`] after a fifth of a second without a valid reply;
+/// [`Error::Tuning`] without samples in the log or when the robot goes too far. On each of them, and on a panic, it
+/// is stopped first.
 pub fn run(
     session: &mut Session<'_>,
     plan: &StepPlan,
     mut watch: impl FnMut(f64),
 ) -> Result<SampleRecorder, Error> {
-    plan.check()?;
     let mut stepping = StepRunner {
         session,
         recorder: SampleRecorder::default(),

@@ -66,14 +66,8 @@ impl ModeGuard<'_> {
     /// # Errors
     /// Those of [`set_mode`] and [`eeprom::program`].
     pub fn enter(&mut self, mode: Mode) -> Result<(&mut BoardIo, Config), Error> {
-        let settings = set_mode(self.original, mode)?;
-        eeprom::program(
-            self.io,
-            settings.image(),
-            self.ready_timeout_ms,
-            None,
-            |_| {},
-        )?;
+        let (settings, timeout) = (set_mode(self.original, mode)?, self.ready_timeout_ms);
+        eeprom::program(self.io, settings.image(), timeout, None, |_| {})?;
         Ok((self.io, settings.config().clone()))
     }
 

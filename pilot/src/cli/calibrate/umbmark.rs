@@ -72,12 +72,10 @@ fn squares(
 /// The end of a square needs both numbers.
 fn parse_point(text: &str) -> Result<Measured, String> {
     let measured = parse_measured(text)?;
-    let missing = || "accepted are millimetres ahead and to the left: -12.5,31".into();
-    measured
-        .left_mm
-        .is_some()
-        .then_some(measured)
-        .ok_or_else(missing)
+    match measured.left_mm {
+        Some(_) => Ok(measured),
+        None => Err("accepted are millimetres ahead and to the left: -12.5,31".into()),
+    }
 }
 
 /// Runs the command.
@@ -137,17 +135,14 @@ fn summary(estimate: &Estimate) -> String {
         )
     };
     format!(
-        "{}\n{}\ntrack {:+.3} % (± {:.3}), right wheel against left {:+.3} % (± {:.3}); {:.2} mm residual; \
-         by the small-angle formulas {:+.2} % and {:+.2} %",
+        "{}\n{}\ntrack {:+.3} % (± {:.3}), right wheel against left {:+.3} % (± {:.3}); {:.2} mm residual",
         cluster("clockwise", &estimate.score.clockwise),
         cluster("counter-clockwise", &estimate.score.counter_clockwise),
         percent(estimate.track),
         estimate.track_deviation * 100.0,
         percent(estimate.ratio),
         estimate.ratio_deviation * 100.0,
-        estimate.residual_mm,
-        percent(estimate.first_order[0]),
-        percent(estimate.first_order[1])
+        estimate.residual_mm
     )
 }
 
