@@ -35,18 +35,8 @@ pub fn parse(text: &str) -> Result<Mode, String> {
         })
 }
 
-/// The mode was changed.
-pub struct Changed<'m> {
-    /// The mode before.
-    pub before: Mode,
-    /// What was written.
-    pub programmed: Programmed,
-    /// The session in the new mode, after the first frames that show that both ends run it.
-    pub session: Session<'m>,
-}
-
 /// Rewrites the mode in the EEPROM, resets the STM, opens a new session by the EEPROM's content, and
-/// exchanges frames until both ends are known to run the new mode.
+/// exchanges frames until both ends are known to run the new mode. The mode before, what was written, and the session.
 ///
 /// # Errors
 /// Those of [`eeprom::read`], [`eeprom::program`], [`Session::open`] and [`Session::confirm_mode`];
@@ -59,18 +49,14 @@ pub fn change<'m>(
     ready_timeout_ms: u32,
     journal: Option<&Journal>,
     watch: impl FnMut(Progress<'_>),
-) -> Result<Changed<'m>, Error> {
+) -> Result<(Mode, Programmed, Session<'m>), Error> {
     let present = eeprom::read(io)?;
     let before = settings::decode(&present)?.mode();
     let wanted = set_mode(&present, mode)?;
     let programmed = eeprom::program(io, wanted.image(), ready_timeout_ms, journal, watch)?;
     let mut session = Session::open(io, rate_hz, ready_timeout_ms)?;
     session.confirm_mode()?;
-    Ok(Changed {
-        before,
-        programmed,
-        session,
-    })
+    Ok((before, programmed, session))
 }
 
 #[cfg(test)]

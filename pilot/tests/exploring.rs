@@ -90,14 +90,9 @@ fn explore(io: &mut BoardIo) -> (Result<Drive, Error>, Localisation) {
 }
 
 fn ends_with_stop(board: &Shared) -> bool {
-    let orders = board
-        .borrow()
-        .commands
-        .iter()
-        .rev()
-        .map(|command| command.order)
-        .collect::<Vec<_>>();
-    orders[..10].iter().all(|&order| order == Order::Stop)
+    let board = board.borrow();
+    let mut last = board.commands.iter().rev().take(10);
+    last.all(|command| command.order == Order::Stop)
 }
 
 #[test]

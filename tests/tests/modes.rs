@@ -46,12 +46,13 @@ fn mode_change_takes_effect_on_both_ends() {
     let mut machine = rig.io();
     let mut before = Mode::Normal;
     for &mode in Mode::ALL.iter().rev().chain([&Mode::GuardedNormal]) {
-        let mut changed = mode::change(&mut machine, mode, RATE_HZ, READY_MS, None, |_| {})
-            .unwrap_or_else(|error| panic!("{}: {error}", mode.name()));
-        assert_eq!(changed.before, before);
-        assert!(changed.programmed.bytes > 0);
-        assert_eq!(changed.session.config().mode(), mode);
-        let report = changed.session.exchange(&CommandRequest::default());
+        let (was, programmed, mut session) =
+            mode::change(&mut machine, mode, RATE_HZ, READY_MS, None, |_| {})
+                .unwrap_or_else(|error| panic!("{}: {error}", mode.name()));
+        assert_eq!(was, before);
+        assert!(programmed.bytes > 0);
+        assert_eq!(session.config().mode(), mode);
+        let report = session.exchange(&CommandRequest::default());
         assert!(matches!(report, Ok(Some(_))), "{}: {report:?}", mode.name());
         rig.assert_logged(&format!("configured, mode {}", mode.name()));
         before = mode;

@@ -235,7 +235,7 @@ pub struct Serve {
     pub web: Option<String>,
     /// With --virtual: how many times faster than real time, or max; 1 without it
     #[arg(long, value_name = "N", value_parser = parse_speed)]
-    pub speed: Option<Speed>,
+    pub speed: Option<f64>,
     /// Write the mode Guarded Velocity to the EEPROM without asking, where it holds another
     #[arg(long)]
     pub yes: bool,
@@ -258,20 +258,12 @@ pub struct Ros2 {
     pub yes: bool,
 }
 
-/// How fast virtual time passes.
-#[derive(Clone, Copy, Debug)]
-pub enum Speed {
-    /// So many times real time.
-    Times(f64),
-    /// As fast as it goes.
-    Max,
-}
-
-fn parse_speed(text: &str) -> Result<Speed, String> {
+/// How many times faster than real time.
+fn parse_speed(text: &str) -> Result<f64, String> {
     if text == "max" {
-        return Ok(Speed::Max);
+        return Ok(f64::INFINITY);
     }
-    number(0.01..=1000.0)(text).map(Speed::Times)
+    number(0.01..=1000.0)(text)
 }
 
 #[derive(Args)]
@@ -301,12 +293,8 @@ pub struct Goto {
 
 /// A pose from three numbers, separated by commas.
 fn parse_start(text: &str) -> Result<Pose, String> {
-    match text
-        .split(',')
-        .map(str::trim)
-        .collect::<Vec<_>>()
-        .as_slice()
-    {
+    let parts: Vec<_> = text.split(',').map(str::trim).collect();
+    match parts.as_slice() {
         [x, y, rotation] => parse_pose(x, y, rotation).map_err(|(_, what)| what),
         _ => Err("accepted is X,Y,ROT: 1200,-350,90".into()),
     }

@@ -19,9 +19,9 @@ pub fn run(mode: Mode, context: Context<'_>) -> Result<(), Error> {
             |step| output.progress(step),
         );
         output.live("");
-        let changed = changed?;
-        let (before, report) = (changed.before.name(), changed.session.snapshot());
-        let (bytes, ready_ms) = (changed.programmed.bytes, changed.programmed.ready_ms);
+        let (before, programmed, session) = changed?;
+        let (before, report) = (before.name(), session.snapshot());
+        let (bytes, ready_ms) = (programmed.bytes, programmed.ready_ms);
         let done = json!({
             "before": before, "bytes": bytes, "ready_ms": ready_ms, "report": report,
         });

@@ -1,6 +1,6 @@
 //! `serve`: this process owns the robot, others use it.
 
-use super::args::{Serve, Speed};
+use super::args::Serve;
 use super::connection::Context;
 use super::explore;
 use fw_core::eeprom::fields;
@@ -47,10 +47,7 @@ pub fn run(serve: &Serve, context: Context<'_>) -> Result<(), Error> {
             rate_hz: context.board.rate,
             ready_timeout_ms: context.board.ready_timeout,
             body_mm: context.board.body_radius,
-            speed: match serve.speed.unwrap_or(Speed::Times(1.0)) {
-                Speed::Times(speed) if simulated => Some(speed),
-                _ => None,
-            },
+            speed: simulated.then_some(serve.speed.unwrap_or(1.0)),
             journal: Some(connection.journal.clone()),
         };
         control::run(&mut connection.io, &options, events)
