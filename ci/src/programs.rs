@@ -129,8 +129,8 @@ pub fn packages(session: &Session) -> Result<Vec<(PathBuf, &'static str)>> {
 /// the current folder. Returns its exit code.
 pub fn pilot(session: &Session, arguments: &[String]) -> Result<u8> {
     let mut program = Command::new(build_pilot(session)?);
-    program.args(arguments).args(["--virtual", "--elf"]);
-    program.arg(&session.image()?.path);
+    program.args(arguments).arg("--virtual");
+    program.env("ROBOT_ELF", &session.image()?.path);
     let names_image = |word: &String| word.starts_with("--eeprom-image");
     if !arguments.iter().any(names_image) {
         let image = session.target.join("virtual/eeprom.bin");

@@ -309,7 +309,8 @@ def check_reports(robot, participant, client):
 def main(program, elf, folder):
     folder = Path(folder)
     image = folder / "eeprom.bin"
-    virtual = ["--virtual", "--elf", elf, "--eeprom-image", str(image)]
+    os.environ["ROBOT_ELF"] = elf
+    virtual = ["--virtual", "--eeprom-image", str(image)]
     started = []
 
     def start(log, *words):

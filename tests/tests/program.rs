@@ -10,9 +10,6 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 use tempfile::TempDir;
 
-/// Environment variable with the path of the program, built with the feature `virtual`.
-const PROGRAM: &str = "ROBOT_PROGRAM";
-
 /// The EEPROM's content before an incomplete write.
 const JOURNAL: &str = "eeprom.bin.eeprom.before";
 
@@ -43,10 +40,10 @@ impl Program {
             let named = std::env::var_os(variable).map(PathBuf::from);
             named.unwrap_or_else(|| manifest.join("../target").join(usual))
         };
-        let mut command = Command::new(file(PROGRAM, "release/robot"));
-        let elf = file("ROBOT_ELF", "elf/fw-pac.elf");
-        command.args(["--virtual", "--eeprom-image", "eeprom.bin", "--elf"]);
-        command.arg(elf).args(words.split(' '));
+        let mut command = Command::new(file("ROBOT_PROGRAM", "release/robot"));
+        command.env("ROBOT_ELF", file("ROBOT_ELF", "elf/fw-pac.elf"));
+        command.args(["--virtual", "--eeprom-image", "eeprom.bin"]);
+        command.args(words.split(' '));
         command.current_dir(self.0.path()).stdin(Stdio::null());
         command
     }
@@ -260,6 +257,7 @@ fn commands_borrow_the_robot_of_a_server() {
         0 | --json monitor --count 3 | Guarded Normal
         0 | stop | stopped
         "#,
+        2 | status --seed 3 | --seed is for a new
     );
     assert!(program.expect(0, "replay drive.mcap").lines().count() > 40);
     program.expect_each("2 | calibrate distance --yes --measure-with truth | end the server");

@@ -85,7 +85,7 @@ pub struct VirtualBoardArgs {
     pub uart_log: Option<PathBuf>,
 }
 
-/// Options of the virtual robot only, and of the real one only.
+/// Options of the virtual robot only; the first says which one, the others how it is made.
 const VIRTUAL_ONLY: [&str; 10] = [
     "eeprom_image",
     "elf",
@@ -98,24 +98,32 @@ const VIRTUAL_ONLY: [&str; 10] = [
     "true_diameter_left",
     "true_diameter_right",
 ];
+/// Of the real one only.
 const REAL_ONLY: [&str; 5] = ["spi", "i2c", "gpiochip", "uart", "state_dir"];
 
 /// # Errors
 /// Names an option that has no meaning for the robot that is chosen.
 pub fn check(matches: &ArgMatches, is_virtual: bool) -> Result<(), Error> {
-    let given = |id: &&&str| matches.value_source(id) == Some(ValueSource::CommandLine);
-    let (wrong, robot) = if is_virtual {
-        (REAL_ONLY.iter().find(given), "the real robot only")
+    if is_virtual {
+        refuse(matches, &REAL_ONLY, "the real robot only")
     } else {
-        (VIRTUAL_ONLY.iter().find(given), "--virtual only")
-    };
-    match wrong {
-        Some(id) => Err(Error::Usage(format!(
-            "--{} is for {robot}",
-            id.replace('_', "-")
-        ))),
-        None => Ok(()),
+        refuse(matches, &VIRTUAL_ONLY, "--virtual only")
     }
+}
+
+/// # Errors
+/// Names an option that makes a virtual robot: a server has made it already.
+pub fn check_joined(matches: &ArgMatches) -> Result<(), Error> {
+    let robot = "a new virtual robot, and a server runs this one: give it to `robot serve`";
+    refuse(matches, &VIRTUAL_ONLY[1..], robot)
+}
+
+fn refuse(matches: &ArgMatches, ids: &[&str], robot: &str) -> Result<(), Error> {
+    let given = |id: &&&str| matches.value_source(id) == Some(ValueSource::CommandLine);
+    ids.iter().find(given).map_or(Ok(()), |id| {
+        let option = id.replace('_', "-");
+        Err(Error::Usage(format!("--{option} is for {robot}")))
+    })
 }
 
 #[cfg(feature = "virtual")]

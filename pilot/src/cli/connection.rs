@@ -1,7 +1,8 @@
 //! The robot that the options choose: its lock, its I/O, and the repair of what a killed run left.
 
-use super::board_args::{BoardArgs, VirtualBoardArgs};
+use super::board_args::{self, BoardArgs, VirtualBoardArgs};
 use super::output::Output;
+use clap::ArgMatches;
 use host_link::board_io::{BoardIo, Interrupt};
 use host_link::eeprom::journal::Journal;
 use host_link::eeprom::repair::{self, Repaired};
@@ -26,7 +27,7 @@ use std::time::Duration;
 /// What every command has: its name, the options that choose the robot, and the output.
 #[derive(Clone, Copy)]
 pub struct Context<'a> {
-    pub command: &'a str,
+    pub matches: &'a ArgMatches,
     pub board: &'a BoardArgs,
     pub output: Output,
 }
@@ -46,8 +47,19 @@ type Finish = Box<dyn FnOnce(bool) -> Result<(), Error>>;
 impl Context<'_> {
     /// Joins the server of the chosen robot, if one runs.
     pub fn server(self) -> Result<Option<Client>, Error> {
-        let name = format!("{} ({})", self.command, std::process::id());
-        Client::connect(&self.state_file("sock"), &name)
+    ///
+    /// # Errors
+    /// Those of [`Client::connect`] and [`board_args::check_joined`].
+        let name = format!("{} ({})", self.command(), std::process::id());
+        let server = Client::connect(&self.state_file("sock"), &name)?;
+        if server.is_some() {
+            board_args::check_joined(self.matches)?;
+        }
+        Ok(server)
+    }
+
+    fn command(&self) -> &str {
+        self.matches.subcommand_name().unwrap_or_default()
     }
 
     /// Runs `job` on the chosen robot: borrows it where a server owns it, or opens it.

@@ -123,7 +123,7 @@ pub fn main() -> ExitCode {
 
 fn run(arguments: &Arguments, matches: &ArgMatches, output: Output) -> Result<Exit, Error> {
     let context = Context {
-        command: matches.subcommand_name().unwrap_or_default(),
+        matches,
         board: &arguments.board,
         output,
     };
