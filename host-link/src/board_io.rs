@@ -235,6 +235,11 @@ impl Interrupt {
         Self::default()
     }
 
+    /// The flag itself, for a signal handler.
+    pub fn flag(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.0)
+    }
+
     /// Requests an orderly end of whatever runs.
     pub fn raise(&self) {
         self.0.store(true, Ordering::Relaxed);

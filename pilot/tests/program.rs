@@ -131,7 +131,11 @@ fn endless_and_far_inputs_are_refused() {
     assert!(!here.join("map.png").exists());
     // Its two reports are 25 ms apart.
     let begun = Instant::now();
-    assert_eq!(run(&format!("replay {far} --speed 0.05")).0, 0);
+    // A SIGHUP that is ignored from the beginning on stays so.
+    let script = r#"trap "" HUP; "$0" replay $1 --speed 0.05 & sleep 0.2; kill -HUP $!; wait $!"#;
+    let mut shell = Command::new("sh");
+    shell.args(["-c", script, env!("CARGO_BIN_EXE_robot"), &far]);
+    assert!(shell.status().unwrap().success());
     assert!((500..60_000).contains(&begun.elapsed().as_millis()));
 }
 

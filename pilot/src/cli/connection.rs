@@ -15,6 +15,8 @@ use pilot::drive;
 use pilot::ground_truth::GroundTruth;
 use pilot::serve::control;
 use pilot::serve::hub::Hub;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::flag;
 use std::fs::{self, File, Permissions, TryLockError};
 use std::io::{self, ErrorKind, Write};
 use std::os::unix::fs::{MetadataExt, PermissionsExt, fchown};
@@ -265,18 +267,30 @@ fn not_built(name: &str, feature: &str, otherwise: &str) -> Error {
     Error::device(name, cause, format!("build it with `{build}`{otherwise}"))
 }
 
-/// The flag that Ctrl-C raises; its handler can be installed only once.
+/// The flag that Ctrl-C, SIGTERM and SIGHUP raise. A SIGHUP that is ignored already, as by nohup, stays so.
 pub fn interrupt() -> Result<Interrupt, Error> {
     static INTERRUPT: OnceLock<Interrupt> = OnceLock::new();
     if let Some(installed) = INTERRUPT.get() {
         return Ok(installed.clone());
     }
     let interrupt = INTERRUPT.get_or_init(Interrupt::new).clone();
-    let raised = interrupt.clone();
-    ctrlc::set_handler(move || raised.raise()).map_err(|cause| {
-        let advice = "start the program in another way";
-        Error::device("the handler of Ctrl-C", cause, advice)
-    })?;
+    let ignored = ignored_signals(&fs::read_to_string("/proc/self/status").unwrap_or_default());
+    for signal in [SIGINT, SIGTERM, SIGHUP] {
+        if signal != SIGHUP || ignored & 1 << (SIGHUP - 1) == 0 {
+            flag::register(signal, interrupt.flag()).map_err(|cause| {
+                let advice = "start the program in another way";
+/// The mask of ignored signals in a process's status, as proc(5) describes it.
+fn ignored_signals(status: &str) -> u64 {
+    let mut lines = status.lines();
+    let mask = lines.find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok())
+        .unwrap_or_default()
+}
+
+                Error::device("the handler of Ctrl-C", cause, advice)
+            })?;
+        }
+    }
     Ok(interrupt)
 }
 
