@@ -72,17 +72,12 @@ impl Client {
     ///
     /// # Errors
     /// Those of [`Self::request`]; [`Error::Interrupted`].
-    pub fn local(
-        port: Port,
-        name: &str,
-        opens_within: Duration,
-        interrupt: &Interrupt,
-    ) -> Result<Self, Error> {
+    pub fn local(port: Port, name: &str, interrupt: &Interrupt) -> Result<Self, Error> {
         let (messages, _) = port.join(name.into());
         let queue = VecDeque::new();
         let link = Link::Local(port, messages);
         let mut client = Self { link, queue };
-        client.await_reply(opens_within + REPLY, interrupt)?;
+        client.await_reply(interrupt)?;
         Ok(client)
     }
 
@@ -97,16 +92,16 @@ impl Client {
                 let line = serde_json::to_string(request).unwrap_or_default();
                 if let Err(cause) = lines.send(&line) {
                     // Why a server drops a client is its last message.
-                    return self.await_reply(REPLY, &never).and(Err(lost(cause)));
+                    return self.await_reply(&never).and(Err(lost(cause)));
                 }
             }
             Link::Local(port, _) => port.ask(Ok(request.clone())),
         }
-        self.await_reply(REPLY, &never)
+        self.await_reply(&never)
     }
 
-    fn await_reply(&mut self, within: Duration, interrupt: &Interrupt) -> Result<(), Error> {
-        let ends = Instant::now() + within;
+    fn await_reply(&mut self, interrupt: &Interrupt) -> Result<(), Error> {
+        let ends = Instant::now() + REPLY;
         while Instant::now() < ends {
             interrupt.check()?;
             match self.receive()? {

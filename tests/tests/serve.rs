@@ -2,7 +2,7 @@
 
 use std::array;
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use host_link::board_io::Interrupt;
 use host_link::error::Error;
@@ -119,8 +119,7 @@ fn driver_that_is_gone_or_stopped_stops_the_wheels() {
 fn released_key_and_leaving_stop_the_wheels() {
     serve(|hub, board| {
         let port = hub.admit().expect("a place");
-        let mut client =
-            Client::local(port, "teleop", Duration::ZERO, &Interrupt::new()).expect("joined");
+        let mut client = Client::local(port, "teleop", &Interrupt::new()).expect("joined");
         for (leaves, limit_us) in [(false, 1_000_000), (true, DEADLINE_US)] {
             let mut since_us = None;
             let dead_man = Some(DeadMan::new(150.0, 45.0));

@@ -24,9 +24,8 @@ use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::thread;
-use std::time::Duration;
 
-/// What every command has: its name, the options that choose the robot, and the output.
+/// What every command has: the command line, the options that choose the robot, and the output.
 #[derive(Clone, Copy)]
 pub struct Context<'a> {
     pub matches: &'a ArgMatches,
@@ -48,10 +47,10 @@ type Finish = Box<dyn FnOnce(bool) -> Result<(), Error>>;
 
 impl Context<'_> {
     /// Joins the server of the chosen robot, if one runs.
-    pub fn server(self) -> Result<Option<Client>, Error> {
     ///
     /// # Errors
     /// Those of [`Client::connect`] and [`board_args::check_joined`].
+    pub fn server(self) -> Result<Option<Client>, Error> {
         let name = format!("{} ({})", self.command(), std::process::id());
         let server = Client::connect(&self.state_file("sock"), &name)?;
         if server.is_some() {
@@ -151,13 +150,7 @@ impl Context<'_> {
                 let client = scope.spawn(move || {
                     let _ended = ended;
                     let port = hub.admit().ok_or(Error::Interrupted)?;
-                    let opens_within = Duration::from_millis(self.board.ready_timeout.into());
-                    job(&mut Client::local(
-                        port,
-                        self.command,
-                        opens_within,
-                        &interrupt,
-                    )?)
+                    job(&mut Client::local(port, self.command(), &interrupt)?)
                 });
                 let served = control::run(io, &options, events);
                 let done = client.join().unwrap_or_else(|panic| resume_unwind(panic));
@@ -279,19 +272,19 @@ pub fn interrupt() -> Result<Interrupt, Error> {
         if signal != SIGHUP || ignored & 1 << (SIGHUP - 1) == 0 {
             flag::register(signal, interrupt.flag()).map_err(|cause| {
                 let advice = "start the program in another way";
+                Error::device("the handler of Ctrl-C", cause, advice)
+            })?;
+        }
+    }
+    Ok(interrupt)
+}
+
 /// The mask of ignored signals in a process's status, as proc(5) describes it.
 fn ignored_signals(status: &str) -> u64 {
     let mut lines = status.lines();
     let mask = lines.find_map(|line| line.strip_prefix("SigIgn:"));
     mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok())
         .unwrap_or_default()
-}
-
-                Error::device("the handler of Ctrl-C", cause, advice)
-            })?;
-        }
-    }
-    Ok(interrupt)
 }
 
 /// One process at a time uses a robot. The system releases the lock when the process ends, also by a

@@ -1,7 +1,7 @@
 //! The robot in the hands of a client.
 
-use crate::{Served, drive, join, serve, stops};
-use fw_core::eeprom::{Image, fields};
+use crate::{Served, drive, in_mode, join, serve, stops};
+use fw_core::eeprom::Image;
 use fw_core::wire::Mode;
 use host_link::board_io::{BoardIo, Interrupt};
 use host_link::eeprom::{self, journal::Journal};
@@ -100,7 +100,7 @@ fn eeprom_write_of_a_vanished_borrower_is_undone() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("before");
     let journal = Journal::new(&path);
-    let written = Image::FIRST_BOARD.with(fields::MODE, Mode::GuardedNormal.code().into());
+    let written = in_mode(Mode::GuardedNormal);
     let served = Served {
         journal: Some(journal.clone()),
         ..Served::at(None)
@@ -191,4 +191,23 @@ fn unready_robot_is_reset_after_vanished_borrower_only() {
         });
         assert_eq!(board.borrow().resets, usize::from(vanishes));
     }
+}
+
+// Requirement: SERVE-borrow-1
+#[test]
+fn unready_robot_is_lent_and_configured_while_the_server_waits() {
+    let served = Served {
+        eeprom: Image::BLANK,
+        ..Served::at(None)
+    };
+    served.run(|hub| {
+        let mut watcher = join(hub, "watcher");
+        let unknown = watcher.status().unwrap_err().to_string();
+        assert!(unknown.contains("no frame yet"), "{unknown}");
+        let borrowed = Borrowed::new(join(hub, "eeprom")).unwrap();
+        let mut io = borrowed.io(Interrupt::new());
+        eeprom::program(&mut io, &in_mode(Mode::GuardedNormal), 100, None, |_| ()).unwrap();
+        borrowed.give_back().unwrap();
+        while watcher.status().is_err() {}
+    });
 }

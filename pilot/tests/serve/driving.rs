@@ -1,6 +1,6 @@
 //! Who drives, what ends a motion, the map.
 
-use crate::{EXPLORE, Served, drive, end_of_motion, join, serve, stops, time_us};
+use crate::{EXPLORE, Served, drive, end_of_motion, in_mode, join, serve, stops, time_us};
 use fw_core::types::Faults;
 use fw_core::wire::{Command, Mode, Order, State};
 use host_link::board_io::Interrupt;
@@ -187,9 +187,8 @@ fn stop_ends_the_motion_that_waits_for_the_next_frame() {
 
 #[test]
 fn velocity_and_plans_are_refused_in_a_mode_without_velocity() {
-    let mode = Mode::GuardedNormal;
     let served = Served {
-        mode,
+        eeprom: in_mode(Mode::GuardedNormal),
         ..Served::at(Some(1.0))
     };
     served.run(|hub| {

@@ -23,9 +23,14 @@ fn serve(speed: Option<f64>, scenario: impl FnOnce(&Hub) + Send) -> Vec<Command>
     std::mem::take(&mut board.borrow_mut().commands)
 }
 
-/// A board in memory and how it is served.
+/// The first board's EEPROM in this mode.
+fn in_mode(mode: Mode) -> Image {
+    Image::FIRST_BOARD.with(fields::MODE, mode.code().into())
+}
+
+/// A board in memory, its EEPROM, and how it is served.
 struct Served {
-    mode: Mode,
+    eeprom: Image,
     speed: Option<f64>,
     journal: Option<Journal>,
     on_command: Option<OnCommand>,
@@ -35,7 +40,7 @@ impl Served {
     /// In Guarded Velocity, without a journal.
     fn at(speed: Option<f64>) -> Self {
         Self {
-            mode: Mode::GuardedVelocity,
+            eeprom: in_mode(Mode::GuardedVelocity),
             speed,
             journal: None,
             on_command: None,
@@ -45,13 +50,12 @@ impl Served {
     /// Serves it while the scenario runs; the board.
     fn run(self, scenario: impl FnOnce(&Hub) + Send) -> Shared {
         let (hub, events) = Hub::new();
-        let image = Image::FIRST_BOARD.with(fields::MODE, self.mode.code().into());
-        let (board, mut io) = mock_board(&image, None);
+        let (board, mut io) = mock_board(&self.eeprom, None);
         board.borrow_mut().on_command = self.on_command;
         let end = io.interrupt.raised_on_drop();
         let options = Options {
             rate_hz: 40,
-            ready_timeout_ms: 100,
+            ready_timeout_ms: 60_000,
             body_mm: BODY_MM,
             speed: self.speed,
             journal: self.journal,
@@ -71,13 +75,7 @@ impl Served {
 const EXPLORE: Request = Request::Explore { lease_ms: 2000 };
 
 fn join(hub: &Hub, name: &str) -> Client {
-    Client::local(
-        hub.admit().unwrap(),
-        name,
-        Duration::ZERO,
-        &Interrupt::new(),
-    )
-    .unwrap()
+    Client::local(hub.admit().unwrap(), name, &Interrupt::new()).unwrap()
 }
 
 fn drive(forward_mm_s: f64, lease_ms: u32) -> Request {

@@ -2,7 +2,7 @@
 //! those who watch see what it does.
 
 use super::requests::refused;
-use super::{Options, Server};
+use super::{Options, READY_MS, Server};
 use crate::serve::board::{Call, MAX_BYTES};
 use crate::serve::hub::{ClientId, Event};
 use crate::serve::protocol::{Activity, Failure, Message, Request};
@@ -107,7 +107,7 @@ impl Server {
         self.next = None;
         self.activity = Activity::Idle;
         if let Some(journal) = &options.journal {
-            repair::repair(io, journal, !returned, options.ready_timeout_ms)?;
+            repair::repair(io, journal, !returned, READY_MS)?;
         }
         interrupted
     }

@@ -34,15 +34,17 @@ use std::time::{Duration, Instant};
 pub const CELL_MM: f64 = 25.0;
 /// Frames between two looks for advice.
 const ADVICE_FRAMES: u32 = 20;
-/// Time between two attempts to reach a robot that does not answer.
+/// Time between two attempts to reach a robot that does not answer …
 const RETRY: Duration = Duration::from_secs(1);
+/// … and how long each awaits `STM_READY`, ms: meanwhile no client is answered.
+const READY_MS: u32 = 100;
 
 /// How to serve.
 #[derive(Clone, Debug)]
 pub struct Options {
     /// Frames per second.
     pub rate_hz: u32,
-    /// How long to await `STM_READY`, ms.
+    /// How long to await `STM_READY` for the first time, ms.
     pub ready_timeout_ms: u32,
     /// How much faster than real time virtual time passes; none: as the board's clock does by itself.
     pub speed: Option<f64>,
@@ -145,11 +147,14 @@ pub fn run(io: &mut BoardIo, options: &Options, events: Receiver<Event>) -> Resu
         pacer: Pacer::new(options.speed),
     };
     let interrupt = io.interrupt.clone();
+    let ready_by = Instant::now() + Duration::from_millis(options.ready_timeout_ms.into());
     loop {
-        let ended = match drive::open_session(io, options.rate_hz, options.ready_timeout_ms) {
+        let ended = match drive::open_session(io, options.rate_hz, READY_MS) {
             Ok(mut session) => server.serve(&mut session),
-            Err(error) if server.latest.is_none() => return Err(error),
-            Err(error) => Err(error),
+            Err(error) if server.latest.is_some() => Err(error),
+            Err(error @ Error::NotReady(_)) if Instant::now() < ready_by => Err(error),
+            Err(Error::NotReady(_)) => return Err(Error::NotReady(options.ready_timeout_ms)),
+            Err(error) => return Err(error),
         };
         let ended = ended.and_then(|()| server.lend(io, options));
         let Err(error) = ended else {
@@ -380,21 +385,5 @@ impl Server {
         self.pacer.wait(session.now_us());
         self.handle_events();
         self.cancelled.take().map_or(Ok(()), Err)
-    }
-
-    /// The robot does not answer: the clients are served all the same.
-    fn unreachable(&mut self, error: &Error) {
-        if !matches!(self.next, Some(Motion::Lend)) {
-            let waiting = self.next.take().map(|motion| motion.activity());
-            self.report_end(waiting.unwrap_or_default(), Some(error), 0.0);
-            self.lease = None;
-        }
-        if let Some(frame) = &mut self.latest {
-            (frame.error, frame.driver) = (Some(error.to_string()), None);
-            frame.activity = Activity::Idle;
-        }
-        self.publish(&[]);
-        self.handle_events();
-        self.cancelled = None;
     }
 }

@@ -1,8 +1,8 @@
 //! What the clients get: replies, and the frame, the log and the map for those who watch.
 
-use super::{CELL_MM, Server};
+use super::{CELL_MM, Motion, Server};
 use crate::serve::hub::ClientId;
-use crate::serve::protocol::{Failure, Message, VERSION};
+use crate::serve::protocol::{Activity, Failure, Message, VERSION};
 use crate::serve::tiles::Tiles;
 use host_link::error::Error;
 use host_link::log::Lines;
@@ -51,6 +51,22 @@ impl Server {
             let mut all = due.map(Arc::clone).chain(update).chain(fresh);
             all.all(|message| client.send(&message))
         });
+    }
+
+    /// The robot does not answer: the clients are served all the same.
+    pub(super) fn unreachable(&mut self, error: &Error) {
+        if !matches!(self.next, Some(Motion::Lend)) {
+            let waiting = self.next.take().map(|motion| motion.activity());
+            self.report_end(waiting.unwrap_or_default(), Some(error), 0.0);
+            self.lease = None;
+        }
+        if let Some(frame) = &mut self.latest {
+            (frame.error, frame.driver) = (Some(error.to_string()), None);
+            frame.activity = Activity::Idle;
+        }
+        self.publish(&[]);
+        self.handle_events();
+        self.cancelled = None;
     }
 
     /// Sends the lines that these bytes of the log complete.
