@@ -154,6 +154,7 @@ pub fn run(
     mut turn: impl FnMut(Shown<'_>) -> Result<Vec<Key>, Error>,
 ) -> Result<(), Error> {
     client.request(&Request::Watch { every: 2 })?;
+    let mut drives = false;
     let mut follow = || {
         let mut keys = Vec::new();
         loop {
@@ -183,7 +184,9 @@ pub fn run(
                     yaw_rate_deg_s,
                     lease_ms: LEASE_MS,
                 };
-                if let Err(why) = client.request(&command) {
+                let outcome = client.request(&command);
+                drives = outcome.is_ok() && (forward_mm_s, yaw_rate_deg_s) != (0.0, 0.0);
+                if let Err(why) = outcome {
                     keys = turn(Shown::Refused(&why.to_string()))?;
                 }
             }
@@ -191,7 +194,7 @@ pub fn run(
     };
     let outcome = follow();
     // What it has not stopped itself may be another client's motion.
-    if dead_man.is_some_and(|one| one.pressed.is_some()) {
+    if drives {
         // Without a server the connection's end stops it.
         let _ = client.request(&Request::Stop);
     }

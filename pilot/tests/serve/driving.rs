@@ -61,6 +61,14 @@ fn second_driver_is_refused_until_first_has_gone() {
         // Its lease was for 5 s.
         assert!(gone.elapsed() < Duration::from_secs(3));
         second.request(&drive(50.0, 500)).unwrap();
+        // Keys that are refused do not stop it when they are left.
+        let mut refused = join(hub, "teleop");
+        let leave = |shown: Shown<'_>| match shown {
+            Shown::Refused(_) => Ok(vec![Key::Leave]),
+            _ => Ok(vec![Key::Ahead]),
+        };
+        let dead_man = Some(DeadMan::new(150.0, 45.0));
+        teleop::run(&mut refused, &Interrupt::new(), dead_man, leave).unwrap();
         let why = end_of_motion(&mut second);
         assert!(why.contains("the lease of second has ended"), "{why}");
     });
