@@ -160,6 +160,20 @@ fn outputs_spare_foreign_files_and_links() {
     }
     assert_eq!(fs::read(&letter).unwrap(), b"a letter");
     assert!(link.is_symlink() && !here.join("map.pgm").exists());
+    // A name that clears the terminal does not where it is shown, nor in an error.
+    let (one, clears) = (one.display(), here.join("\x1b[2J").display().to_string());
+    for (words, code) in [
+        (format!("map --from {one} --out {clears}"), 0),
+        (format!("tour {clears}"), 3),
+    ] {
+        let (ended, stdout, stderr) = run(&words);
+        let shown = stdout + &stderr;
+        assert_eq!(ended, code, "{shown}");
+        assert!(
+            shown.contains(r"\u{1b}[2J") && !shown.contains('\x1b'),
+            "{shown}"
+        );
+    }
 }
 
 #[test]

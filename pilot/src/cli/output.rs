@@ -34,7 +34,7 @@ impl Output {
         if self.json {
             Self::line(&serde_json::to_string(value).unwrap_or_default())
         } else {
-            Self::line(sentence().trim_end())
+            Self::line(&printable(sentence().trim_end()))
         }
     }
 
@@ -66,7 +66,7 @@ impl Output {
     /// A message that is not the result.
     #[allow(clippy::unused_self)] // all output goes through `Output`
     pub fn message(self, text: &str) {
-        let _ = writeln!(io::stderr().lock(), "{text}");
+        let _ = writeln!(io::stderr().lock(), "{}", printable(text));
     }
 
     /// A message with the program's name.
@@ -126,4 +126,14 @@ impl Output {
             let _ = Self::line(&object.to_string());
         }
     }
+}
+
+/// The text without what would control the terminal, which the STM's log and names of files may hold.
+fn printable(text: &str) -> String {
+    let shown = |char: char| match char {
+        '\n' | '\t' => char.into(),
+        _ if char.is_control() => char.escape_default().to_string(),
+        _ => String::from(char),
+    };
+    text.chars().map(shown).collect()
 }
