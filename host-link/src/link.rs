@@ -20,6 +20,8 @@ pub struct Link {
     frames: u64,
     last_good_us: Option<u64>,
     worst_gap_us: u64,
+    /// The longest gap of the last second, and when it ended.
+    recent_gap_us: (u64, u64),
     worst_transfer_us: u64,
     /// Earliest begin of the next frame.
     due_us: u64,
@@ -30,6 +32,8 @@ pub struct Link {
     pub(crate) restarted: bool,
 }
 
+/// Time after which a gap is not recent any more, microseconds.
+const RECENT_US: u64 = 1_000_000;
 /// So many chip-selects by interference make the STM number a reply without a frame of this end.
 const FALSE_SELECTS: u64 = 8;
 
@@ -42,6 +46,7 @@ impl Link {
             frames: 0,
             last_good_us: None,
             worst_gap_us: 0,
+            recent_gap_us: (0, 0),
             worst_transfer_us: 0,
             due_us: 0,
             round_trip: RoundTrip::default(),
@@ -84,7 +89,12 @@ impl Link {
         let reply = self.end.receive(back);
         if let Ok(report) = &reply {
             if let Some(last) = self.last_good_us.replace(begun_us) {
-                self.worst_gap_us = self.worst_gap_us.max(begun_us.saturating_sub(last));
+                let gap_us = begun_us.saturating_sub(last);
+                self.worst_gap_us = self.worst_gap_us.max(gap_us);
+                let (longest_us, at_us) = self.recent_gap_us;
+                if gap_us >= longest_us || begun_us - at_us > RECENT_US {
+                    self.recent_gap_us = (gap_us, begun_us);
+                }
             }
             if self.mode.has(Field::Sequence) {
                 self.round_trip.seen(report.sequence.seen, ended_us);
@@ -151,6 +161,7 @@ impl Link {
             rejected: counters.rejected_total(),
             causes: RejectCounts::from(counters),
             worst_gap_us: self.worst_gap_us,
+            recent_gap_us: self.recent_gap_us.0,
             worst_transfer_us: self.worst_transfer_us,
             missed: numbered.then_some(counters.missed),
             round_trip_frames: numbered.then_some(counters.unacknowledged),
@@ -257,15 +268,24 @@ fn restart_shows_by_a_reply_number_beyond_the_frames_sent() {
 }
 
 #[test]
-fn worst_transfer_outlasts_shorter_ones() {
+fn worst_transfer_stays_and_longest_gap_for_a_second() {
     let image = fw_core::eeprom::Image::FIRST_BOARD;
     let (_, mut io) = crate::mock_board::mock_board(&image, None);
     let mut link = Link::new(&Config::decode(&image).unwrap());
-    for (transfer_us, worst_us) in [(60, 60), (200, 200), (70, 200)] {
-        let mut times = [1_000, 1_000 + transfer_us].into_iter();
+    let begins_us = [
+        0, 300_000, 550_000, 800_000, 1_050_000, 1_300_000, 1_301_000,
+    ];
+    for (nth, begun_us) in begins_us.into_iter().enumerate() {
+        let (transfer_us, worst_us) = [(60, 60), (200, 200), (70, 200)][nth.min(2)];
+        let mut times = [begun_us, begun_us + transfer_us].into_iter();
         let mut clock = || times.next().unwrap();
         let reply = link.exchange(&mut *io.spi, &mut clock, &Command::default());
         assert!(reply.unwrap().is_ok());
-        assert_eq!(link.statistics().worst_transfer_us, worst_us);
+        let gap_us = [0, 300_000, 300_000, 300_000, 300_000, 300_000, 1_000][nth];
+        let counted = link.statistics();
+        assert_eq!(
+            (counted.worst_transfer_us, counted.recent_gap_us),
+            (worst_us, gap_us)
+        );
     }
 }

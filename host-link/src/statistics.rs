@@ -66,6 +66,8 @@ pub struct LinkStatistics {
     pub causes: RejectCounts,
     /// The longest time between two accepted replies, microseconds.
     pub worst_gap_us: u64,
+    /// The longest of the last second.
+    pub recent_gap_us: u64,
     /// The longest transfer of one frame, from the system call to its return, microseconds.
     pub worst_transfer_us: u64,
     /// Numbered replies of the STM that never arrived complete. Guarded modes only: the document's
