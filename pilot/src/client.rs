@@ -7,6 +7,7 @@ use crate::serve::tiles;
 use host_link::board_io::Interrupt;
 use host_link::error::{Error, Exit};
 use mapper::Grid;
+use mapper::map_plot::MAX_SIDE_CELLS;
 use std::collections::{HashMap, VecDeque};
 use std::fmt::Display;
 use std::io::ErrorKind;
@@ -27,7 +28,7 @@ const NO_SERVER: [ErrorKind; 3] = [
     ErrorKind::InvalidInput,
 ];
 /// Tiles farther from the origin than the grid reaches are not taken.
-const FARTHEST_TILE: i32 = 63;
+const FARTHEST_TILE: i32 = (MAX_SIDE_CELLS / 2).cast_signed() / tiles::SIDE + 1;
 
 enum Link {
     /// With what follows the last message.

@@ -172,9 +172,6 @@ pub fn check_extent(
     Err(Error::content(path, None, what))
 }
 
-/// Largest picture of a map, bytes: 4000 cells a side.
-const MAX_PIXELS: u64 = 17 << 20;
-
 /// Reads a map that [`save_map`] or a ROS map server wrote, by its YAML file.
 ///
 /// # Errors
@@ -183,7 +180,9 @@ pub fn load_map(path: &Path) -> Result<Grid, Error> {
     let text = file::read_text(path)?;
     let wrong = |what| Error::content(path, None, what);
     let picture = path.with_file_name(ros::value(&text, "image").map_err(wrong)?);
-    let pixels = file::read(&picture, MAX_PIXELS)?;
+    // A byte a cell, after the head.
+    let max = u64::from(map_plot::MAX_SIDE_CELLS).pow(2) + file::MAX_TEXT;
+    let pixels = file::read(&picture, max)?;
     ros::read(&text, &pixels).map_err(wrong)
 }
 
