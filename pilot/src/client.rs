@@ -10,7 +10,9 @@ use mapper::Grid;
 use mapper::map_plot::MAX_SIDE_CELLS;
 use std::collections::{HashMap, VecDeque};
 use std::fmt::Display;
+use std::fs;
 use std::io::ErrorKind;
+use std::os::unix::fs::MetadataExt;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
 use std::sync::Arc;
@@ -53,7 +55,9 @@ impl Client {
             Err(cause) if NO_SERVER.contains(&cause.kind()) => return Ok(None),
             Err(cause) => {
                 let name = format!("the server's socket {}", path.display());
-                let advice = "join the group of the user that runs `robot serve`";
+                let group = group(path);
+                let group = group.unwrap_or("of the user that runs `robot serve`".into());
+                let advice = format!("join the group {group}");
                 return Err(Error::device(name, cause, advice));
             }
         };
@@ -69,7 +73,7 @@ impl Client {
         Ok(Some(client))
     }
 
-    /// Joins a control loop of the same process, which may take so long until it has opened the robot.
+    /// Joins a control loop of the same process.
     ///
     /// # Errors
     /// Those of [`Self::request`]; [`Error::Interrupted`].
@@ -165,6 +169,16 @@ impl Client {
         self.request(request)?;
         Ok(self.queue.pop_back())
     }
+}
+
+/// The name of the group that owns a file.
+fn group(path: &Path) -> Option<String> {
+    let id = fs::metadata(path).ok()?.gid().to_string();
+    let groups = fs::read_to_string("/etc/group").ok()?;
+    let mut groups = groups
+        .lines()
+        .map(|line| line.split(':').collect::<Vec<_>>());
+    Some(groups.find(|group| group.get(2) == Some(&&*id))?[0].into())
 }
 
 pub(crate) fn lost(cause: impl Display) -> Error {

@@ -9,7 +9,8 @@ use pilot::serve::protocol::{MAX_LINE, Request};
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{Shutdown, TcpStream};
 use std::os::unix::fs::MetadataExt;
-use std::os::unix::net::{UnixListener, UnixStream};
+use std::os::unix::net::{UnixDatagram, UnixListener, UnixStream};
+use std::process::Command;
 use std::sync::Mutex;
 use std::sync::mpsc::Receiver;
 use std::thread::JoinHandle;
@@ -198,6 +199,20 @@ fn socket_is_for_owner_and_group_and_takes_no_other_files_place() {
     // What a killed server leaves is replaced.
     drop(UnixListener::bind(&path).unwrap());
     assert!(matches!(Client::connect(&path, "a"), Ok(None)));
+    // A socket that may not be used is named with its group.
+    let other = folder.path().join("other");
+    let _socket = UnixDatagram::bind(&other).unwrap();
+    let refused = Client::connect(&other, "a").err().unwrap().to_string();
+    let group = Command::new("stat")
+        .args(["-c", "%G"])
+        .arg(&other)
+        .output()
+        .unwrap();
+    let group = String::from_utf8(group.stdout).unwrap();
+    assert!(
+        refused.ends_with(&format!("join the group {}", group.trim())),
+        "{refused}"
+    );
     let socket = listener::unix(&path, &hub).unwrap_or_else(|why| panic!("{why}"));
     assert_eq!(fs::metadata(&path).unwrap().mode() & 0o777, 0o660);
     drop(socket);
