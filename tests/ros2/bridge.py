@@ -187,8 +187,8 @@ class Robot:
 
 
 def check_refusals(robot, participant):
-    """Wrong commands move nothing and are named."""
-    start = robot.odom()[0]
+    """Wrong commands move nothing and are named, once a second."""
+    start, begun = robot.odom()[0], time.monotonic()
     for wrong, field in [
         (twist(math.nan), "linear.x = NaN"),
         (twist(0.1, y=0.1), "linear.y = 0.1"),
@@ -199,6 +199,8 @@ def check_refusals(robot, participant):
         robot.warned("/cmd_vel", field)
         driver.silence()
         time.sleep(1.0)
+    warnings = robot.log.read_text().count("/cmd_vel: ")
+    assert warnings <= time.monotonic() - begun + 1, f"{warnings} warnings"
     writer = participant.writer("goal_pose", ros.PoseStamped)
     for wrong, field in [
         (goal("base_link", 1, 0), 'header.frame_id = "base_link"'),

@@ -169,8 +169,12 @@ fn page_shows_map_and_stops_the_wheels() {
         browser.script("document.getElementById('stop').click();");
         browser
             .until("document.getElementById('connection').textContent.includes('stopped by page')");
-        // What is clicked is what was drawn there.
-        let script = "const v = view(); return Math.round(v.xMm(v.x(-200))) + ' ' + Math.round(v.yMm(v.y(300)));";
-        assert_eq!(browser.script(script), "-200 300");
+        // What is clicked is what was drawn there, and a tile's first row is drawn lowest.
+        let script = "let sent; const was = send, v = view(); send = (request) => sent = request; \
+                      canvas.onclick({ offsetX: v.x(-200), offsetY: v.y(300) }); send = was; \
+                      const tile = draw({ cells: '#'.padEnd(1024) }).image.getContext('2d'); \
+                      const at = (y) => tile.getImageData(0, y, 1, 1).data[0]; \
+                      return [sent.do, Math.round(sent.x_mm), Math.round(sent.y_mm), at(31), at(0)].join();";
+        assert_eq!(browser.script(script), "goto,-200,300,20,136");
     });
 }

@@ -225,7 +225,6 @@ fn robot_is_checked_calibrated_and_explores_a_room() {
         0 | calibrate rollback | as it was before
         0 | eeprom diff robot.toml | no difference
         0 | calibrate distance --length 500 --dry-run --yes --measure-with truth | not written
-        0 | calibrate distance --measured 506,-3 --length 500 --dry-run | 506.0 mm ahead, -3.0 mm
         0 | calibrate umbmark --side 300 --runs 1 --dry-run --yes --measure-with truth | right wheel against left -0.1
         8 | goto 3000 0 0 --timeout 20 | an obstacle ahead holds
         0 | --room small.room explore --yes --record way.mcap | min: map of 2
@@ -233,6 +232,8 @@ fn robot_is_checked_calibrated_and_explores_a_room() {
         8 | --room small.room explore --timeout 20 --out part | the time ran out
         0 | --room small.room goto --map map.yaml 200 100 --start 0,0,0 | arrived at x
         0 | replay way.mcap | mm
+        0 | calibrate distance --measured 506,-3 --length 500 --yes | 506.0 mm ahead, -3.0 mm
+        3 | calibrate from-explore --dry-run | explore again
         ",
     );
 }
@@ -256,8 +257,8 @@ fn commands_borrow_the_robot_of_a_server() {
         0 | goto 100 0 0 | arrived at
         0 | --json monitor --count 3 | Guarded Normal
         0 | stop | stopped
-        "#,
         2 | status --seed 3 | --seed is for a new
+        "#,
     );
     assert!(program.expect(0, "replay drive.mcap").lines().count() > 40);
     program.expect_each("2 | calibrate distance --yes --measure-with truth | end the server");

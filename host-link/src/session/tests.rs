@@ -230,7 +230,7 @@ fn mode_is_confirmed_by_ten_replies_or_one_guarded() {
 
 #[test]
 fn relayed_frame_is_counted_and_its_report_taken_over() {
-    let (board, mut io) = mock_board(&image(2), None);
+    let (board, mut io) = mock_board(&image_in(Mode::GuardedNormal), None);
     board.borrow_mut().report.pose.x = 1_234_000;
     let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
     let mut frame = [0; fw_core::wire::MAX_FRAME];
@@ -249,6 +249,12 @@ fn relayed_frame_is_counted_and_its_report_taken_over() {
     }
     session.exchange(&CommandRequest::default()).unwrap();
     assert_eq!(session.snapshot().time_us - ended_us, 21);
+    // A reset shows by the number of the reply.
+    (0..20).for_each(|_| drop(session.relay(&frame[..len]).unwrap()));
+    assert!(!session.take_restart());
+    reset::pulse(session.io()).unwrap();
+    (0..20).for_each(|_| drop(session.relay(&frame[..len]).unwrap()));
+    assert!(session.take_restart());
 }
 
 #[test]

@@ -178,6 +178,8 @@ fn unready_robot_is_reset_after_vanished_borrower_only() {
             assert!(why.contains("READY"), "{why}");
             let refused = watcher.request(&drive(100.0, 500)).unwrap_err();
             assert_eq!(refused.to_string(), why);
+            let borrowed = Borrowed::new(join(hub, "borrower")).unwrap();
+            borrowed.give_back().unwrap();
             let shown = watcher.status().unwrap();
             assert_eq!((shown.driver, shown.activity), (None, Activity::Idle));
             // A client that watches every seventh frame gets the error too.

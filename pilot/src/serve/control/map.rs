@@ -69,6 +69,8 @@ fn reports_that_wait_are_taken_in_order_on_another_thread() {
     map.work_beside();
     map.collect(true);
     assert!(map.waiting.is_empty() && map.localiser.is_some());
-    let x_mm = map.estimate.unwrap().pose.x_mm;
-    assert!((x_mm - 196.0).abs() < 2.0, "{x_mm}");
+    let Estimate { pose, deviation_mm } = map.estimate.unwrap();
+    assert!((pose.x_mm - 196.0).abs() < 2.0, "{pose:?}");
+    let [[x, ..], [_, y, _], _] = map.localiser.unwrap().estimate().covariance;
+    assert!((deviation_mm.powi(2) - x - y).abs() < 1e-6, "{x} {y}");
 }
