@@ -202,11 +202,6 @@ pub fn odom_in_map(estimate: &Pose2, reported: Pose) -> Pose {
     reported_pose(&estimate.compose(&start))
 }
 
-/// Where a rangefinder looks, turns counter-clockwise from straight ahead.
-pub fn bearing_turns(config: &Config, rangefinder: RangefinderId) -> f64 {
-    f64::from(config.bearing(rangefinder).0.cast_signed()) / 4_294_967_296.0
-}
-
 /// Radius of the first board's body around the middle of the axle, mm: an assumption.
 pub const BODY_MM: f64 = 100.0;
 /// The rangefinders that are fitted and that the mode's frames carry, of front, right, left, on a body of this
@@ -220,7 +215,8 @@ pub fn mounts(config: &Config, body_mm: f64) -> [Option<Mount>; 3] {
         .take_while(|&rangefinder| carried[rangefinder as usize]);
     let overhang_mm = config.obstacle_stop().overhang_mm.into();
     Mount::on_body(body_mm, overhang_mm).map(|mount| {
-        let bearing_rad = bearing_turns(config, fitted.next()?) * std::f64::consts::TAU;
+        let bearing = config.bearing(fitted.next()?).0.cast_signed();
+        let bearing_rad = f64::from(bearing) / 4_294_967_296.0 * std::f64::consts::TAU;
         Some(Mount {
             bearing_rad,
             ..mount

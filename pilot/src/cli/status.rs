@@ -12,7 +12,7 @@ use pilot::client::Client;
 use pilot::hints;
 use serde::Serialize;
 
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 struct Summary {
     /// `STM_READY`.
     ready: bool,
@@ -48,11 +48,8 @@ fn of_server(client: &mut Client, context: Context<'_>) -> Result<Exit, Error> {
     let unreachable = frame.error.is_some();
     let exit = if unreachable { Exit::Link } else { Exit::Ok };
     let mut hints = frame.advice;
-    hints.extend(
-        frame
-            .driver
-            .map(|driver| format!("{driver} drives the robot")),
-    );
+    let drives = |driver| format!("{driver} drives the robot");
+    hints.extend(frame.driver.map(drives));
     let seen = Summary {
         ready: !unreachable,
         report: Some(frame.robot),
@@ -115,12 +112,10 @@ fn not_ready(io: &mut BoardIo, error: &Error) -> Result<(Summary, Exit), Error> 
     };
     let exit = error.exit();
     let seen = Summary {
-        ready: false,
-        report: None,
-        stop_deadline_ms: None,
         hints: vec![hint],
         error: Some(error.to_string()),
         exit: exit.code(),
+        ..Summary::default()
     };
     Ok((seen, exit))
 }

@@ -7,29 +7,15 @@ use crate::cli::tune::ending;
 use host_link::board_io::BoardIo;
 use host_link::error::Error;
 use host_link::file::{self, Kind};
-use host_link::settings::Change;
 use pilot::calibrate::distance::{self, Measured, Scale};
 use pilot::calibrate::run::straight;
 use pilot::calibrate::wheel_geometry::WheelGeometry;
 use pilot::calibrate::wheel_path::WheelPath;
-use serde::Serialize;
+use serde_json::json;
 use std::path::PathBuf;
 
 const QUESTION: &str = "How many mm is the middle of the axle ahead of where it began, and how many to the left of the line it \
      faced there (minus: behind, to the right)? For example: 997.5,-12";
-
-#[derive(Serialize)]
-struct Done {
-    measured: Measured,
-    #[serde(flatten)]
-    solved: Scale,
-    before: WheelGeometry,
-    /// Error of the distance before, and in the run that verified it, millimetres.
-    error_mm: f64,
-    verified_mm: Option<f64>,
-    changes: Vec<Change>,
-    written: bool,
-}
 
 /// Measured distance minus odometry's, millimetres.
 fn distance_error_mm(path: &WheelPath, measured: &Measured) -> f64 {
@@ -105,22 +91,20 @@ pub fn run(
         };
         verified_mm = measurement.verified(verify())?;
     }
-    let done = Done {
-        measured,
-        solved,
-        before,
-        error_mm: distance_error_mm(&path, &measured),
-        verified_mm,
-        changes,
-        written,
-    };
+    let (scale, error_mm) = (&solved, distance_error_mm(&path, &measured));
+    let done = json!({
+        "measured": measured, "odometry_end": scale.odometry_end, "scale": scale.scale, "ratio": scale.ratio,
+        "wheels": scale.wheels, "before": before, "error_mm": error_mm, "verified_mm": verified_mm,
+        "changes": changes, "written": written,
+    });
     output.result(&done, || {
-        let before = done.error_mm;
-        let verified = done.verified_mm.map_or_else(String::new, |now| {
-            format!("; it was {before:+.1} mm off and is now {now:+.1} mm off")
+        let verified = verified_mm.map_or_else(String::new, |now| {
+            format!("; it was {error_mm:+.1} mm off and is now {now:+.1} mm off")
         });
-        let ending = ending(&done.changes, written);
-        format!("diameters and track {ending}{verified}")
+        format!(
+            "diameters and track {}{verified}",
+            ending(&changes, written)
+        )
     })
 }
 

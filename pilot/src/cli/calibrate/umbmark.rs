@@ -5,34 +5,14 @@ use crate::cli::connection::Connection;
 use crate::cli::measuring_args::{UmbmarkArgs, parse_measured};
 use crate::cli::tune::ending;
 use host_link::error::Error;
-use host_link::settings::Change;
 use pilot::calibrate::distance::Measured;
 use pilot::calibrate::run::square;
-use pilot::calibrate::umbmark::{self, Estimate, Score, SquareRun, direction_name};
-use pilot::calibrate::wheel_geometry::WheelGeometry;
+use pilot::calibrate::umbmark::{self, Estimate, SquareRun, direction_name};
 use pilot::ground_truth::Point;
-use serde::Serialize;
+use serde_json::json;
 
 const QUESTION: &str = "How many mm is the middle of the axle ahead of where it began, and how many to the left (minus: \
      behind, to the right)? For example: -15,22";
-
-#[derive(Serialize)]
-struct Done {
-    #[serde(flatten)]
-    estimate: Estimate,
-    ends: Vec<End>,
-    before: WheelGeometry,
-    verified: Option<Score>,
-    changes: Vec<Change>,
-    written: bool,
-}
-
-#[derive(Serialize)]
-struct End {
-    clockwise: bool,
-    measured: Point,
-    error: Point,
-}
 
 /// `runs` squares each way, clockwise and counter-clockwise in turn. `on_marks`: the robot stands on
 /// its marks already.
@@ -102,27 +82,26 @@ pub fn run(
         let score = again.and_then(|again| umbmark::score(&again).map_err(Error::Calibration));
         verified = measurement.verified(score)?;
     }
-    let end = |run: &SquareRun| End {
-        clockwise: run.clockwise,
-        measured: run.measured,
-        error: run.error(),
+    let end = |run: &SquareRun| {
+        let (clockwise, measured, error) = (run.clockwise, run.measured, run.error());
+        json!({ "clockwise": clockwise, "measured": measured, "error": error })
     };
-    let done = Done {
-        ends: runs.iter().map(end).collect(),
-        estimate,
-        before,
-        verified,
-        changes,
-        written,
-    };
+    let mut done = json!(estimate);
+    done["ends"] = runs.iter().map(end).collect();
+    done["before"] = json!(before);
+    done["verified"] = json!(verified);
+    done["changes"] = json!(changes);
+    done["written"] = json!(written);
     output.result(&done, || {
-        let before_mm = done.estimate.score.worst_mm;
-        let verified = done.verified.map_or_else(String::new, |score| {
+        let before_mm = estimate.score.worst_mm;
+        let verified = verified.map_or_else(String::new, |score| {
             let now_mm = score.worst_mm;
             format!("; squares ended {before_mm:.1} mm off at worst and end {now_mm:.1} mm off now")
         });
-        let ending = ending(&done.changes, written);
-        format!("diameters and track {ending}{verified}")
+        format!(
+            "diameters and track {}{verified}",
+            ending(&changes, written)
+        )
     })
 }
 
