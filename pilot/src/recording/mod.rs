@@ -188,11 +188,10 @@ impl Recorder {
         us: u64,
         message: &M,
     ) -> McapResult<()> {
-        const { assert!(!M::DEFINITION.is_empty()) };
         if !self.channels.contains_key(topic) {
             let schema = self
                 .writer
-                .add_schema(M::NAME, "ros2msg", M::DEFINITION.as_bytes())?;
+                .add_schema(M::NAME, "ros2msg", M::definition().as_bytes())?;
             let channel = self
                 .writer
                 .add_channel(schema, topic, "cdr", &BTreeMap::new())?;

@@ -78,22 +78,17 @@ impl<P: PartialEq> Commands<P> {
     // Requirement: SERVE-ros2-3
     pub fn goal(&mut self, goal: &PoseStamped, now: Instant) -> Result<Request, String> {
         let (position, turn) = (goal.pose.position, goal.pose.orientation);
-        let most = MAX_COORDINATE_MM / 1000.0;
+        let (most, error) = (MAX_COORDINATE_MM / 1000.0, QUATERNION_ERROR);
+        let (length, unit) = (turn.z.hypot(turn.w), 1.0 - error..=1.0 + error);
         for (field, value, accepted) in [
             ("pose.position.x", position.x, -most..=most),
             ("pose.position.y", position.y, -most..=most),
+            ("pose.orientation.x", turn.x, -error..=error),
+            ("pose.orientation.y", turn.y, -error..=error),
+            ("pose.orientation's length", length, unit),
         ] {
             within(field, value, accepted)?;
         }
-        let error = QUATERNION_ERROR;
-        within("pose.orientation.x", turn.x, -error..=error)?;
-        within("pose.orientation.y", turn.y, -error..=error)?;
-        let length = turn.z.hypot(turn.w);
-        within(
-            "pose.orientation's length",
-            length,
-            1.0 - error..=1.0 + error,
-        )?;
         let rotation_deg = match goal.header.frame_id.as_str() {
             "map" => None,
             "odom" => Some(turn.degrees()),
@@ -148,7 +143,7 @@ impl<P: PartialEq> Commands<P> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ros_messages::{Header, Xyz};
+    use crate::ros_messages::{Header, Point, Vector3};
     use host_link::pose::Pose;
 
     fn twist(x: f64, yaw: f64) -> Twist {
@@ -157,11 +152,13 @@ mod tests {
         twist
     }
 
-    fn axis<'a>(vector: &'a mut Xyz, field: &str) -> &'a mut f64 {
-        match field.as_bytes().last() {
-            Some(b'x') => &mut vector.x,
-            Some(b'y') => &mut vector.y,
-            _ => &mut vector.z,
+    fn axis<'a>(Twist { linear, angular }: &'a mut Twist, field: &str) -> &'a mut f64 {
+        let (vector, axis) = field.split_once('.').unwrap();
+        let Vector3 { x, y, z } = if vector == "linear" { linear } else { angular };
+        match axis {
+            "x" => x,
+            "y" => y,
+            _ => z,
         }
     }
 
@@ -177,15 +174,16 @@ mod tests {
     fn command_outside_its_range_is_refused_by_field() {
         let (mut commands, now) = (Commands::default(), Instant::now());
         for value in [f64::NAN, f64::INFINITY, -4.0] {
-            for field in ["linear.x", "linear.y", "linear.z"] {
+            for field in [
+                "linear.x",
+                "linear.y",
+                "linear.z",
+                "angular.x",
+                "angular.y",
+                "angular.z",
+            ] {
                 let mut wrong = twist(0.1, 0.1);
-                *axis(&mut wrong.linear, field) = value;
-                let refused = commands.velocity(1, &wrong, now).unwrap_err();
-                assert!(refused.starts_with(field), "{refused}");
-            }
-            for field in ["angular.x", "angular.y", "angular.z"] {
-                let mut wrong = twist(0.1, 0.1);
-                *axis(&mut wrong.angular, field) = value;
+                *axis(&mut wrong, field) = value;
                 let refused = commands.velocity(1, &wrong, now).unwrap_err();
                 assert!(refused.starts_with(field), "{refused}");
             }
@@ -195,7 +193,8 @@ mod tests {
             };
             for field in ["pose.position.x", "pose.position.y"] {
                 let mut wrong = goal("odom");
-                *axis(&mut wrong.pose.position, field) = value * 1e9;
+                let Point { x, y, .. } = &mut wrong.pose.position;
+                *if field.ends_with('x') { x } else { y } = value * 1e9;
                 refused(field, wrong);
             }
             let mut wrong = goal("map");

@@ -59,9 +59,9 @@ pub fn diagnostics(us: u64, frame: &Frame) -> DiagnosticArray {
     let mut message = DiagnosticArray::of(us, &frame.robot);
     for status in &mut message.status {
         if let Some(error) = &frame.error {
-            (status.level, status.message) = (2, error.clone());
-        } else if status.level == 0 && !frame.advice.is_empty() {
-            (status.level, status.message) = (1, frame.advice.join("; "));
+            (status.level.0, status.message) = (2, error.clone());
+        } else if status.level.0 == 0 && !frame.advice.is_empty() {
+            (status.level.0, status.message) = (1, frame.advice.join("; "));
         }
     }
     message
@@ -105,7 +105,7 @@ mod tests {
         for (error, level, text) in [(None, 1, "charge"), (Some("silent"), 2, "silent")] {
             frame.error = error.map(Into::into);
             let status = &diagnostics(7, &frame).status[0];
-            assert_eq!((status.level, &*status.message), (level, text));
+            assert_eq!((status.level.0, &*status.message), (level, text));
         }
     }
 

@@ -1,8 +1,8 @@
 //! The messages of what the robot reports. Times are microseconds since the receiver's epoch.
 
 use super::{
-    BatteryState, DiagnosticArray, DiagnosticStatus, Header, KeyValue, MapMetaData, OccupancyGrid,
-    Pose, Quaternion, Range, Time, Transform, TransformStamped, Xyz,
+    BatteryState, Byte, DiagnosticArray, DiagnosticStatus, Header, KeyValue, MapMetaData,
+    OccupancyGrid, Point, Pose, Quaternion, Range, Time, Transform, TransformStamped, Vector3,
 };
 use host_link::pose;
 use host_link::snapshot::Snapshot;
@@ -28,10 +28,28 @@ impl Header {
     }
 }
 
+impl Quaternion {
+    /// Counter-clockwise about z.
+    pub fn of_degrees(degrees: f64) -> Self {
+        let (z, w) = (degrees.to_radians() / 2.0).sin_cos();
+        Self {
+            z,
+            w,
+            ..Self::default()
+        }
+    }
+
+    /// The rotation about z, −180 to 180.
+    pub fn degrees(self) -> f64 {
+        let half = self.z.atan2(self.w).to_degrees();
+        (2.0 * half + 180.0).rem_euclid(360.0) - 180.0
+    }
+}
+
 impl From<pose::Pose> for Pose {
     fn from(pose: pose::Pose) -> Self {
         Self {
-            position: Xyz {
+            position: Point {
                 x: pose.x_mm / 1000.0,
                 y: pose.y_mm / 1000.0,
                 z: 0.0,
@@ -44,13 +62,16 @@ impl From<pose::Pose> for Pose {
 impl TransformStamped {
     /// The pose of the frame `child` in the frame `parent`.
     pub fn of(us: u64, parent: &str, child: &str, pose: pose::Pose) -> Self {
-        let pose = Pose::from(pose);
+        let Pose {
+            position: Point { x, y, z },
+            orientation: rotation,
+        } = pose.into();
         Self {
             header: Header::of(us, parent),
             child_frame_id: child.into(),
             transform: Transform {
-                translation: pose.position,
-                rotation: pose.orientation,
+                translation: Vector3 { x, y, z },
+                rotation,
             },
         }
     }
@@ -107,7 +128,7 @@ impl DiagnosticArray {
         let link = &snapshot.link;
         let faults = snapshot.faults.join(", ");
         let status = DiagnosticStatus {
-            level: if faults.is_empty() { 0 } else { 2 },
+            level: Byte(if faults.is_empty() { 0 } else { 2 }),
             name: "robot".into(),
             message: if faults.is_empty() {
                 snapshot.state.unwrap_or("").to_string()
@@ -162,7 +183,7 @@ fn battery_faults_and_map_are_converted() {
     (robot.cells_v, robot.faults) = (vec![Some(3.5), Some(4.0)], vec!["left-stalled"]);
     assert!((BatteryState::of(0, &robot).voltage - 7.5).abs() < 1e-6);
     let status = &DiagnosticArray::of(0, &robot).status[0];
-    assert_eq!((status.level, status.message.as_str()), (2, "left-stalled"));
+    assert_eq!((status.level.0, &*status.message), (2, "left-stalled"));
     let corners = [(-1000.0, 0.0), (1000.0, 500.0)].map(|(x, y)| mapper::Point::new(x, y));
     let grid = Grid::from_fn(25.0, corners[0], corners[1], |_| -4.0);
     let OccupancyGrid { header, info, .. } = OccupancyGrid::of(2_345_678, "map", &grid);
