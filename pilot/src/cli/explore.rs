@@ -41,22 +41,23 @@ pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
         // Once nothing refuses the drive: it replaces files.
         session.resume()?;
         let mut recorder = map::recorder(explore.record.as_deref(), body_mm, &mut session)?;
-        let mut written = Ok(());
         let driven = drive(
             &mut session,
             &mut localisation,
             &mut plan,
             context,
             |step| {
-                map::record(&mut recorder, &mut written, &step.sample, step.snapshot);
+                if let Some(recorder) = &mut recorder {
+                    recorder.record(&step.sample, step.snapshot);
+                }
             },
         );
         let learned = Explored::new(session.config(), &localisation.localiser.calibration());
         let end_us = session.now_us();
-        if let Some(recorder) = recorder {
+        let written = recorder.map_or(Ok(()), |recorder| {
             let (grid, odom) = (localisation.localiser.grid(), localisation.odom_in_map());
-            written = written.and(recorder.finish(end_us, grid, odom));
-        }
+            recorder.finish(end_us, grid, odom)
+        });
         // What was seen before an error is worth keeping, whatever the error was.
         let link = session.statistics();
         let kept = explored::keep(&learned, context);
@@ -216,14 +217,10 @@ fn save(
     let (raw, free_m2) = (&localisation.raw, free_m2(localisation.localiser.grid()));
     let files = localisation.save_map(&explore.out)?;
     let raw_files = raw.save_map(&map::raw_stem(&explore.out))?;
-    let (path_mm, outcome) = (
-        raw.path_mm(),
-        drive.map(|drive| outcome_name(drive.outcome)),
-    );
-    let (seconds, stops) = (
-        drive.map(|drive| drive.seconds),
-        drive.map(|drive| drive.stops),
-    );
+    let path_mm = raw.path_mm();
+    let outcome = drive.map(|drive| outcome_name(drive.outcome));
+    let seconds = drive.map(|drive| drive.seconds);
+    let stops = drive.map(|drive| drive.stops);
     let done = json!({
         "files": files, "raw_files": raw_files, "outcome": outcome, "seconds": seconds, "stops": stops,
         "free_m2": free_m2, "path_mm": path_mm, "learned": learned, "link": link,

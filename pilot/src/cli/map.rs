@@ -37,10 +37,11 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
                 // Once nothing refuses the drive: it replaces files.
                 pilot::drive::resume_to_pose(&mut session)?;
                 let mut recorder = recorder(map.record.as_deref(), body_mm, &mut session)?;
-                let mut written = Ok(());
                 let watch = |snapshot: &Snapshot| {
                     if let Some(sample) = RangeSample::of(snapshot) {
-                        record(&mut recorder, &mut written, &sample, snapshot);
+                        if let Some(recorder) = &mut recorder {
+                            recorder.record(&sample, snapshot);
+                        }
                         // Localising takes longer than the stop deadline at times.
                         samples.push(sample);
                     }
@@ -50,10 +51,10 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
                 // What was measured before an error is worth keeping, whatever the error was.
                 let end_us = session.now_us();
                 let localisation = localised(session.config(), body_mm, cell_mm, &samples);
-                if let Some(recorder) = recorder {
+                let written = recorder.map_or(Ok(()), |recorder| {
                     let (grid, odom) = (localisation.localiser.grid(), localisation.odom_in_map());
-                    written = written.and(recorder.finish(end_us, grid, odom));
-                }
+                    recorder.finish(end_us, grid, odom)
+                });
                 let link = Some(session.statistics());
                 let saved = save(map, &localisation, link, context);
                 outcome.and(saved).and(written)
@@ -92,19 +93,6 @@ pub fn recorder(
 ) -> Result<Option<Recorder>, Error> {
     path.map(|path| Recorder::of(session.io(), path, body_mm))
         .transpose()
-}
-
-/// Adds a report to a recording, if there is one. The first failure is kept: the drive goes on without.
-pub fn record(
-    recorder: &mut Option<Recorder>,
-    outcome: &mut Result<(), Error>,
-    sample: &RangeSample,
-    snapshot: &Snapshot,
-) {
-    if let (Some(recorder), true) = (recorder, outcome.is_ok()) {
-        let added = recorder.add(sample);
-        *outcome = added.and_then(|()| recorder.add_state(snapshot));
-    }
 }
 
 fn save(

@@ -50,6 +50,8 @@ pub struct Recorder {
     front: Option<Pose>,
     flushed_us: u64,
     slow_us: Option<u64>,
+    /// The first failure of [`Self::record`].
+    outcome: Result<(), Error>,
 }
 
 impl Recorder {
@@ -82,6 +84,7 @@ impl Recorder {
             front: sensors[0],
             flushed_us: 0,
             slow_us: None,
+            outcome: Ok(()),
         };
         let data = settings::render(settings);
         recorder.write(SETTINGS, us, &Text { data })?;
@@ -94,6 +97,14 @@ impl Recorder {
         recorder.flush()?;
         file.publish()?;
         Ok(recorder)
+    }
+
+    /// Adds a report and its snapshot's state. After a failure the drive goes on without; [`Self::finish`] has it.
+    pub fn record(&mut self, sample: &RangeSample, snapshot: &Snapshot) {
+        if self.outcome.is_ok() {
+            let added = self.add(sample);
+            self.outcome = added.and_then(|()| self.add_state(snapshot));
+        }
     }
 
     /// Adds a report.
@@ -157,8 +168,13 @@ impl Recorder {
     /// Adds the map, with the origin of the reported poses in it, and ends the file with its index.
     ///
     /// # Errors
-    /// [`Error::Unwritable`].
+    /// [`Error::Unwritable`]; the first failure of [`Self::record`].
     pub fn finish(mut self, us: u64, grid: &Grid, odom: Pose) -> Result<(), Error> {
+        let outcome = std::mem::replace(&mut self.outcome, Ok(()));
+        outcome.and(self.end(us, grid, odom))
+    }
+
+    fn end(mut self, us: u64, grid: &Grid, odom: Pose) -> Result<(), Error> {
         let transforms = vec![TransformStamped::of(us, "map", "odom", odom)];
         self.write("/tf_static", us, &TfMessage { transforms })?;
         let message = OccupancyGrid::of(us, "map", grid);

@@ -30,13 +30,8 @@ pub fn run(
     let settings = exploration::settings()?;
     let begun_us = machine.clock.micros();
     let mut recorder = Recorder::create(&out.join("recording.mcap"), &settings, BODY_MM, begun_us)?;
-    let mut outcome = Ok(());
     let run = exploration::explore(machine, board, |step| {
-        if outcome.is_ok() {
-            outcome = recorder
-                .add(&step.sample)
-                .and_then(|()| recorder.add_state(step.snapshot));
-        }
+        recorder.record(&step.sample, step.snapshot);
         reports += 1;
         if reports % PROGRESS == 0 {
             let (pose, seconds) = (step.estimate.pose, reports / 40);
@@ -57,7 +52,6 @@ pub fn run(
     run.localisation.raw.save_map(&out.join("map-raw"))?;
     let grid = run.localisation.localiser.grid();
     recorder.finish(board.now_us(), grid, run.localisation.odom_in_map())?;
-    outcome?;
     let map = map_plot::map(grid)?;
     for (name, picture) in [
         ("map.png", map),
