@@ -352,6 +352,6 @@ impl Rig {
     /// Fails where the firmware touched something that no model covers.
     pub fn assert_modelled(&self) {
         let unmodelled = self.board.unmodelled();
-        assert!(unmodelled.is_empty(), "{unmodelled}");
+        assert!(unmodelled.is_empty(), "{unmodelled:#?}");
     }
 }

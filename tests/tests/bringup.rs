@@ -53,7 +53,7 @@ fn bring_up(options: Options, hands: &[&str], spoil: impl FnOnce(&Rig)) -> (Find
     // The stack overflows on purpose into what lies below the RAM.
     let is_overflow = |line: &String| line.starts_with("nothing at 0x1f");
     let unmodelled = rig.unmodelled();
-    assert!(unmodelled.lines.iter().all(is_overflow), "{unmodelled}");
+    assert!(unmodelled.iter().all(is_overflow), "{unmodelled:#?}");
     (findings, rig)
 }
 

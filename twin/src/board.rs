@@ -7,7 +7,7 @@ use plant::{Pose2, Sides, World};
 use rigless::device::{Level, ResetCause};
 use rigless::image::Image;
 
-use crate::board_model::{BoardModel, OutputChange, Ping};
+use crate::board_model::{BoardModel, Ping};
 use crate::components::bridge;
 use crate::components::eeprom::Eeprom;
 use crate::components::i2c_bus::{I2cBus, I2cController, SharedBus};
@@ -16,8 +16,9 @@ use crate::components::spi_master::SpiStep;
 use crate::components::uart_receiver::LogByte;
 use crate::emulator::{EmulationEnded, Emulator, StoppedBoard};
 use crate::options::Options;
+use crate::peripherals::board_port::PinChange;
 use crate::pinout;
-use crate::unmodelled::Unmodelled;
+use crate::unmodelled::unmodelled;
 use crate::virtual_board::{McuOnBoard, VirtualBoard};
 
 /// The true state of the robot, independent of the firmware's estimate.
@@ -261,7 +262,7 @@ impl Board {
     }
 
     /// Every change of READY and of the LEDs so far.
-    pub fn outputs(&self) -> Vec<OutputChange> {
+    pub fn outputs(&self) -> Vec<PinChange> {
         self.model(|model| model.outputs.clone())
     }
 
@@ -287,9 +288,9 @@ impl Board {
         })
     }
 
-    /// Every register access without a model and every objection of a model so far.
-    pub fn unmodelled(&self) -> Unmodelled {
-        self.stopped(|stopped| Unmodelled::of(stopped.session))
+    /// Every register access without a model and every objection of a model so far, a line each.
+    pub fn unmodelled(&self) -> Vec<String> {
+        self.stopped(|stopped| unmodelled(stopped.session))
     }
 
     /// Every reset so far.

@@ -22,7 +22,7 @@ use crate::components::rangefinder::Rangefinder;
 use crate::components::servo::ServoLine;
 use crate::components::spi_master::SpiMaster;
 use crate::components::uart_receiver::{LogByte, UartReceiver, is_readable};
-use crate::pin::Pin;
+use crate::peripherals::board_port::PinChange;
 use crate::pinout;
 use crate::soc::{Role, Stm32f411};
 
@@ -34,17 +34,6 @@ const TICK_LENGTH: f64 = 1e6;
 /// The alternate functions that connect USART1 and TIM1 to their pins.
 const USART_FUNCTION: Role = Role::Function(7);
 const TIM1_FUNCTION: Role = Role::Function(1);
-
-/// A change of one of the board's outputs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct OutputChange {
-    /// Nanoseconds of virtual time.
-    pub at: u64,
-    /// The pin.
-    pub pin: Pin,
-    /// Its level.
-    pub level: bool,
-}
 
 /// A burst of a rangefinder, and its true result.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -75,7 +64,7 @@ pub struct BoardModel {
     /// Whether the Pi holds the RESET line low.
     pub reset_low: bool,
     /// Changes of READY and of the LEDs.
-    pub outputs: Vec<OutputChange>,
+    pub outputs: Vec<PinChange>,
     /// The chip select's latest edges: when, and whether it selects.
     pub selects: VecDeque<(u64, bool)>,
     /// Every burst so far.
@@ -238,24 +227,20 @@ impl BoardModel {
     /// Handles the changes of the firmware's outputs.
     fn on_gpio(&mut self, chip: &mut Stm32f411, now: VirtualNanos) {
         for change in chip.board_port.take_changes() {
-            let high = change.level == Level::High;
+            let PinChange { at, pin, high } = change;
             let mut rangefinders = pinout::RANGEFINDERS.iter();
-            if let Some(nth) = rangefinders.position(|pins| pins.trigger == change.pin) {
+            if let Some(nth) = rangefinders.position(|pins| pins.trigger == pin) {
                 let unplugged = self.world.faults.unplugged[nth];
-                if self.rangefinders[nth].trigger(change.at.0, high) && !unplugged {
-                    self.ping(nth, change.at.0);
+                if self.rangefinders[nth].trigger(at, high) && !unplugged {
+                    self.ping(nth, at);
                 }
-            } else if change.pin == pinout::SCL {
+            } else if pin == pinout::SCL {
                 if high && chip.role(pinout::SCL) == Role::Output {
                     self.i2c.lock().clock_pulse(I2cController::Stm);
                     self.drive_i2c_lines(chip, now);
                 }
             } else {
-                self.outputs.push(OutputChange {
-                    at: change.at.0,
-                    pin: change.pin,
-                    level: high,
-                });
+                self.outputs.push(change);
             }
         }
     }

@@ -14,7 +14,7 @@
 //!
 //! let mut frame = [0x96; 19];
 //! board.spi().transfer_in_place(&mut frame)?;
-//! assert!(board.unmodelled().is_empty(), "{}", board.unmodelled());
+//! assert_eq!(board.unmodelled(), Vec::<String>::new());
 //! assert_eq!(board.truth().path_mm, 0.0);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
@@ -62,7 +62,7 @@ pub mod pinout;
 pub mod processor;
 pub mod soc;
 pub mod trace;
-pub mod unmodelled;
+mod unmodelled;
 pub mod virtual_board;
 
 pub use board::{Board, Reset, ResetSource, Truth};

@@ -6,61 +6,36 @@ use crate::virtual_board::VirtualBoard;
 
 /// Every register access without a model and every objection of a model, one line each. The run of
 /// a correct firmware has none.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Unmodelled {
-    /// The lines.
-    pub lines: Vec<String>,
-}
-
-impl Unmodelled {
-    pub(crate) fn of(session: &Session<VirtualBoard>) -> Self {
-        let unmapped = session.unmapped().into_iter().map(|access| {
-            let (at, from) = (access.address, access.program_counter);
-            format!("nothing at {at:#010x}, first from {from:#010x}")
-        });
-        let refused = session.refused().iter();
-        let refused = refused.map(|(at, fault)| format!("refused at {at:#010x}: {fault}"));
-        let unimplemented = session.unimplemented().iter().map(|(at, access)| {
-            format!(
-                "no model of {} {} at {at:#010x}: {} reads, {} writes, first from {:#010x}",
-                access.instance,
-                access.register,
-                access.reads,
-                access.writes,
-                access.program_counter
-            )
-        });
-        let undefined = session.undefined().iter().map(|(at, access)| {
-            let (instance, from) = (access.instance, access.program_counter);
-            format!("no register of {instance} at {at:#010x}, first from {from:#010x}")
-        });
-        let unrouted = session
-            .unrouted()
-            .iter()
-            .map(|(instance, number)| format!("interrupt {number} of {instance} reaches no line"));
-        let objections = session.told().map(|objection| {
-            format!(
-                "{} {}: {} (first at {} ns)",
-                objection.instance, objection.register, objection.reason, objection.at.0
-            )
-        });
-        let accesses = unmapped
-            .chain(refused)
-            .chain(unimplemented)
-            .chain(undefined);
-        Self {
-            lines: accesses.chain(unrouted).chain(objections).collect(),
-        }
-    }
-
-    /// Whether there is nothing to report.
-    pub fn is_empty(&self) -> bool {
-        self.lines.is_empty()
-    }
-}
-
-impl std::fmt::Display for Unmodelled {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        formatter.write_str(&self.lines.join("\n"))
-    }
+pub fn unmodelled(session: &Session<VirtualBoard>) -> Vec<String> {
+    let unmapped = session.unmapped().into_iter().map(|access| {
+        let (at, from) = (access.address, access.program_counter);
+        format!("nothing at {at:#010x}, first from {from:#010x}")
+    });
+    let refused = session.refused().iter();
+    let refused = refused.map(|(at, fault)| format!("refused at {at:#010x}: {fault}"));
+    let unimplemented = session.unimplemented().iter().map(|(at, access)| {
+        format!(
+            "no model of {} {} at {at:#010x}: {} reads, {} writes, first from {:#010x}",
+            access.instance, access.register, access.reads, access.writes, access.program_counter
+        )
+    });
+    let undefined = session.undefined().iter().map(|(at, access)| {
+        let (instance, from) = (access.instance, access.program_counter);
+        format!("no register of {instance} at {at:#010x}, first from {from:#010x}")
+    });
+    let unrouted = session
+        .unrouted()
+        .iter()
+        .map(|(instance, number)| format!("interrupt {number} of {instance} reaches no line"));
+    let objections = session.told().map(|objection| {
+        format!(
+            "{} {}: {} (first at {} ns)",
+            objection.instance, objection.register, objection.reason, objection.at.0
+        )
+    });
+    let accesses = unmapped
+        .chain(refused)
+        .chain(unimplemented)
+        .chain(undefined);
+    accesses.chain(unrouted).chain(objections).collect()
 }

@@ -10,7 +10,6 @@ use rigless::soc::{Bus, Error};
 use rigless::time::VirtualNanos;
 
 use crate::board_model::BoardModel;
-use crate::components::i2c_bus::StmPort;
 use crate::components::uart_receiver::UartReceiver;
 use crate::pinout;
 use crate::soc::Stm32f411;
@@ -93,7 +92,7 @@ impl VirtualBoard {
         chip.set_supply(RAIL_MV);
         chip.set_option_bytes(OPTIONS);
         chip.usart[0].attach(UartReceiver::default());
-        chip.i2c[0].inner.attach(StmPort(board.i2c.clone()));
+        chip.i2c[0].inner.attach(board.i2c.clone());
         let mut mcu = McuOnBoard { chip, board };
         mcu.board.connect(&mut mcu.chip, VirtualNanos(0));
         Ok(Self {

@@ -286,7 +286,7 @@ fn boot_to_ready_us(rig: &Rig) -> Result<u64> {
     let outputs = rig.board.outputs();
     let ready = outputs
         .iter()
-        .find(|change| change.pin == twin::pinout::READY && change.level)
+        .find(|change| change.pin == twin::pinout::READY && change.high)
         .ok_or("READY never rose")?;
     Ok(ready.at.div_ceil(1000))
 }

@@ -161,7 +161,7 @@ impl I2cBus {
     }
 }
 
-/// The bus, shared by the STM's controller and the board.
+/// The bus, shared by the STM's controller, to which it is a chip, and the board.
 #[derive(Clone, Debug)]
 pub struct SharedBus(Arc<Mutex<I2cBus>>);
 
@@ -177,29 +177,24 @@ impl SharedBus {
     }
 }
 
-/// The bus as a chip attached to the STM's controller.
-#[derive(Debug)]
-pub struct StmPort(pub SharedBus);
+impl Store for SharedBus {}
 
-impl Store for StmPort {}
-
-impl Peer for StmPort {
+impl Peer for SharedBus {
     fn start(&mut self, address: u8, read: bool, context: &mut Timeline<'_, '_>) -> bool {
-        self.0
-            .lock()
-            .start(I2cController::Stm, context.now().0, address, read)
+        let now = context.now().0;
+        self.lock().start(I2cController::Stm, now, address, read)
     }
 
     fn write(&mut self, byte: u8, _context: &mut Timeline<'_, '_>) -> bool {
-        self.0.lock().write(I2cController::Stm, byte)
+        self.lock().write(I2cController::Stm, byte)
     }
 
     fn read(&mut self, _last: bool, _context: &mut Timeline<'_, '_>) -> u8 {
-        self.0.lock().read(I2cController::Stm)
+        self.lock().read(I2cController::Stm)
     }
 
     fn stop(&mut self, context: &mut Timeline<'_, '_>) {
-        self.0.lock().stop(I2cController::Stm, context.now().0);
+        self.lock().stop(I2cController::Stm, context.now().0);
     }
 }
 

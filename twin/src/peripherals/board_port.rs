@@ -6,7 +6,6 @@
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
 use rigless::soc::{Layout, Peripheral, RegisterSpec};
-use rigless::time::VirtualNanos;
 
 use crate::pin::{PORTS, Pin};
 
@@ -43,12 +42,12 @@ impl Layout for NoRegister {
 /// A pin that changed its level on the wire.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PinChange {
-    /// When.
-    pub at: VirtualNanos,
+    /// Nanoseconds of virtual time.
+    pub at: u64,
     /// Which.
     pub pin: Pin,
-    /// To what.
-    pub level: Level,
+    /// Whether it is high now.
+    pub high: bool,
 }
 
 /// The connection to the board.
@@ -93,9 +92,9 @@ impl Device for BoardPort {
         };
         if self.watched[port] >> number & 1 != 0 {
             self.changes.push(PinChange {
-                at: context.now(),
+                at: context.now().0,
                 pin: Pin { port, number },
-                level: change.level,
+                high: change.level == Level::High,
             });
             context.schedule(context.now());
         }

@@ -99,8 +99,8 @@ fn run(arguments: &Arguments) -> Result<Vec<String>, Box<dyn Error>> {
             "collisions": truth.collisions,
             "instructions": board.instructions(),
             "stack_used_bytes": stack.used(&board),
-            "unmodelled_registers": unmodelled.lines.len(),
-            "unmodelled": unmodelled.lines,
+            "unmodelled_registers": unmodelled.len(),
+            "unmodelled": unmodelled,
         }),
     );
     let bars = Bars::of(kind)?;
