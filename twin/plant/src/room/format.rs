@@ -11,8 +11,6 @@
 //! way x y angle                   the next way-point of the tour
 //! ```
 
-use std::fmt;
-
 use geometry::{Point, Segment};
 
 use super::Room;
@@ -22,59 +20,39 @@ use crate::Pose2;
 pub const FARTHEST: f64 = 100_000.0;
 
 /// What is wrong with a line.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Problem {
     /// The first word is none of the format's.
+    #[error(
+        "`{0}` begins no line of a room: use wall, box, circle, soft, sill, start or way, and # for a comment"
+    )]
     UnknownWord(String),
     /// A word that should be a number, 100 000 at most, is none.
+    #[error("`{0}` is no number from -{max} to {max}: write millimetres or degrees, like 1200 or -37.5", max = FARTHEST)]
     NotANumber(String),
     /// The wrong number of numbers follows the first word: what is expected, how many came.
+    #[error("{1} numbers: write `{0}`")]
     Count(&'static str, usize),
     /// A width, depth or radius that is not positive, or a wall of no length.
+    #[error("{0}: make it greater than zero")]
     Size(&'static str),
     /// `soft` before something that has no soft form.
+    #[error("`soft {0}`: write `soft wall …` or `soft box …`")]
     NotSoft(String),
     /// A second `start`.
+    #[error("a second start: keep one of them")]
     SecondStart,
 }
 
 /// The first error of a room file.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("line {line}: {problem}")]
 pub struct ParseError {
     /// The line, from 1.
     pub line: usize,
     /// What is wrong with it.
     pub problem: Problem,
 }
-
-impl fmt::Display for ParseError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "line {}: {}", self.line, self.problem)
-    }
-}
-
-impl fmt::Display for Problem {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::UnknownWord(word) => write!(
-                f,
-                "`{word}` begins no line of a room: use wall, box, circle, soft, sill, start or way, and # for a comment"
-            ),
-            Self::NotANumber(word) => {
-                write!(
-                    f,
-                    "`{word}` is no number from -{FARTHEST} to {FARTHEST}: write millimetres or degrees, like 1200 or -37.5"
-                )
-            }
-            Self::Count(expected, got) => write!(f, "{got} numbers: write `{expected}`"),
-            Self::Size(what) => write!(f, "{what}: make it greater than zero"),
-            Self::NotSoft(word) => write!(f, "`soft {word}`: write `soft wall …` or `soft box …`"),
-            Self::SecondStart => write!(f, "a second start: keep one of them"),
-        }
-    }
-}
-
-impl std::error::Error for ParseError {}
 
 impl Room {
     /// Reads a room from its text.
