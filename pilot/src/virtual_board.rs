@@ -7,7 +7,7 @@ use host_link::board_io::{BoardIo, Clock, Interrupt, erase};
 use host_link::eeprom::image;
 use host_link::error::Error;
 use host_link::file::{self, Kind};
-use plant::{Chassis, Imperfections, Mount, Pose2, Rng, Room};
+use plant::{Params, Pose2, Rng, Room};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use twin::Board;
@@ -15,20 +15,15 @@ use twin::hal::{I2c, I2cError, Line, SpiTiming};
 pub use twin::processor::keep_to_one as keep_to_one_processor;
 
 /// Which virtual board.
-#[derive(Clone, Debug, PartialEq)]
 pub struct Options {
     /// The firmware.
     pub elf: PathBuf,
     /// A room file; the default room without it.
     pub room: Option<PathBuf>,
-    /// The wheels and the track, independent of the EEPROM; the true ones, but for imperfections.
-    pub chassis: Chassis,
-    /// What the seed draws to make the world as imperfect as a real one.
-    pub imperfections: Imperfections,
     /// Seed of everything random.
     pub seed: u64,
-    /// How warm the air is, °C.
-    pub air_c: i16,
+    /// The figures of the robot and of the air, independent of the EEPROM; the true ones, but for imperfections.
+    pub params: Params,
     /// SPI clock, hertz.
     pub spi_hz: u32,
     /// The EEPROM's content from run to run; a blank part if the file does not exist.
@@ -166,7 +161,7 @@ impl Clock for VirtualClock {
 /// # Errors
 /// [`Error::Unreadable`] and [`Error::Content`] for the files, [`Error::Device`] if the firmware does
 /// not fit the board.
-pub fn open(options: &Options, interrupt: Interrupt) -> Result<(VirtualBoard, BoardIo), Error> {
+pub fn open(options: Options, interrupt: Interrupt) -> Result<(VirtualBoard, BoardIo), Error> {
     if !options.elf.exists() {
         let name = format!("the firmware {}", options.elf.display());
         let advice = "build it with `cargo xtask firmware`, or name one with --elf";
@@ -185,18 +180,12 @@ pub fn open(options: &Options, interrupt: Interrupt) -> Result<(VirtualBoard, Bo
     if let Some(log) = &options.uart_log {
         file::check(log, Kind::Log)?;
     }
-    let mut built = twin::Options {
+    let built = twin::Options {
         seed: options.seed,
         room,
-        params: plant::Params {
-            chassis: options.chassis,
-            mounts: Mount::on_body(options.chassis.radius_mm, 20.0),
-            imperfections: options.imperfections,
-            ..plant::Params::default()
-        },
+        params: options.params,
         ..twin::Options::with_eeprom(eeprom)
     };
-    built.params.rangefinder.temperature_c = options.air_c.into();
     let board = Board::new(&elf, built).map_err(|cause| {
         let name = format!("the virtual board with {}", options.elf.display());
         Error::device(
@@ -209,8 +198,8 @@ pub fn open(options: &Options, interrupt: Interrupt) -> Result<(VirtualBoard, Bo
     let io = io_with(&board, options.spi_hz, interrupt, eeprom_file);
     let virtual_board = VirtualBoard {
         board,
-        eeprom_image: options.eeprom_image.clone(),
-        uart_log: options.uart_log.clone(),
+        eeprom_image: options.eeprom_image,
+        uart_log: options.uart_log,
     };
     Ok((virtual_board, io))
 }

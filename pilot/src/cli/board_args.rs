@@ -132,22 +132,22 @@ impl BoardArgs {
     pub fn virtual_options(&self) -> pilot::virtual_board::Options {
         let board = &self.virtual_board;
         let (left, right) = (board.true_diameter_left, board.true_diameter_right);
+        let mut params = plant::Params {
+            mounts: plant::Mount::on_body(self.body_radius, 20.0),
+            ..plant::Params::default()
+        };
+        params.chassis.wheel_diameter_mm = plant::Sides::new(left, right);
+        params.chassis.track_mm = board.true_track;
+        params.chassis.radius_mm = self.body_radius;
+        params.rangefinder.temperature_c = board.air.into();
+        if !board.ideal {
+            params.imperfections = plant::Imperfections::default();
+        }
         pilot::virtual_board::Options {
             elf: board.elf.clone(),
             room: board.room.clone(),
-            chassis: plant::Chassis {
-                wheel_diameter_mm: plant::Sides::new(left, right),
-                track_mm: board.true_track,
-                radius_mm: self.body_radius,
-                ..plant::Chassis::default()
-            },
-            imperfections: if board.ideal {
-                plant::Imperfections::none()
-            } else {
-                plant::Imperfections::default()
-            },
             seed: board.seed,
-            air_c: board.air,
+            params,
             spi_hz: self.spi_hz,
             eeprom_image: board.eeprom_image.clone(),
             uart_log: board.uart_log.clone(),

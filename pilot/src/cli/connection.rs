@@ -236,7 +236,7 @@ pub fn open_linux(_: Context<'_>, _: u32, _: Interrupt) -> Result<Opened, Error>
 #[cfg(feature = "virtual")]
 fn open_virtual(context: Context<'_>, interrupt: Interrupt) -> Result<Opened, Error> {
     use pilot::virtual_board::{SimulatedTape, open};
-    let (virtual_board, io) = open(&context.board.virtual_options(), interrupt)?;
+    let (virtual_board, io) = open(context.board.virtual_options(), interrupt)?;
     let truth = SimulatedTape::new(&virtual_board.board, context.board.virtual_board.seed);
     let output = context.output;
     let finish = move |not_ready| {
