@@ -6,7 +6,7 @@ use host_link::eeprom;
 use host_link::pose::Pose;
 use host_link::session::Session;
 use host_link::settings::{Settings, decode};
-use pilot::calibrate::distance::{self, Measured};
+use pilot::calibrate::distance;
 use pilot::calibrate::run::{run, square, straight};
 use pilot::calibrate::umbmark::{self, SquareRun};
 use pilot::calibrate::wheel_geometry::WheelGeometry;
@@ -54,12 +54,10 @@ fn squares(robot: &mut Robot, runs: usize, deviation_mm: f64) -> Vec<SquareRun> 
     (0..2 * runs)
         .map(|nth| {
             let clockwise = nth % 2 == 0;
-            let path = drive(robot, &square(SIDE_MM, clockwise));
-            let measured = robot.tape.measure(deviation_mm);
             SquareRun {
                 clockwise,
-                path,
-                measured,
+                path: drive(robot, &square(SIDE_MM, clockwise)),
+                measured: robot.tape.measure(deviation_mm),
             }
         })
         .collect()
@@ -85,11 +83,7 @@ fn assert_recovered(
         tape: SimulatedTape::new(&rig, 1),
     };
     let path = drive(&mut robot, &straight(length_mm));
-    let end = robot.tape.measure(deviation_mm);
-    let measured = Measured {
-        ahead_mm: end.ahead_mm,
-        left_mm: Some(end.left_mm),
-    };
+    let measured = robot.tape.measure(deviation_mm).into();
     let scaled = distance::solve(&path, &measured).expect("a scale");
     write(&mut robot.io, &scaled.wheels);
 

@@ -29,6 +29,13 @@ pub struct Measured {
     pub left_mm: Option<f64>,
 }
 
+impl From<Point> for Measured {
+    fn from(Point { ahead_mm, left_mm }: Point) -> Self {
+        let left_mm = Some(left_mm);
+        Self { ahead_mm, left_mm }
+    }
+}
+
 /// The correction.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Scale {

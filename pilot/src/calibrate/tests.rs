@@ -73,13 +73,6 @@ fn squares(configured: &WheelGeometry, truth: &WheelGeometry, side_mm: f64) -> V
         .into()
 }
 
-fn with_side(end: Point) -> Measured {
-    Measured {
-        ahead_mm: end.ahead_mm,
-        left_mm: Some(end.left_mm),
-    }
-}
-
 /// Largest relative difference of the three figures, percent.
 fn off_percent(found: &WheelGeometry, truth: &WheelGeometry) -> f64 {
     [
@@ -102,7 +95,7 @@ fn distance_and_squares_recover_five_percent_errors() {
                 let truth =
                     WheelGeometry::new(off(80.0, left), off(80.0, right), off(125.0, track));
                 let (path, end) = driven(&FIRST_BOARD, &truth, &straight(1000.0));
-                let scaled = distance::solve(&path, &with_side(end)).unwrap().wheels;
+                let scaled = distance::solve(&path, &end.into()).unwrap().wheels;
                 let runs = squares(&scaled, &truth, 1000.0);
                 let found = umbmark::solve(&runs, 1000.0).unwrap();
                 let off = off_percent(&found.wheels, &truth);
@@ -180,7 +173,7 @@ fn implausible_distance_is_rejected_with_range() {
     assert!(at(1099.0, None).is_ok() && at(901.0, None).is_ok());
     let (short, end) = driven(&FIRST_BOARD, &FIRST_BOARD, &straight(150.0));
     assert!(
-        distance::solve(&short, &with_side(end))
+        distance::solve(&short, &end.into())
             .unwrap_err()
             .contains("200 mm")
     );

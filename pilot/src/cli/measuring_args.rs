@@ -57,12 +57,8 @@ pub struct Measuring {
     /// Standard deviation of the simulated readings, mm
     #[arg(long, value_name = "MM", default_value = "0", value_parser = number(0.0..=100.0))]
     pub noise: f64,
-    /// Drive and write without asking
-    #[arg(long)]
-    pub yes: bool,
-    /// Measure and show, write nothing
-    #[arg(long)]
-    pub dry_run: bool,
+    #[command(flatten)]
+    pub consent: Consent,
     /// Do not drive once more after writing to see how good it became
     #[arg(long)]
     pub no_verify: bool,

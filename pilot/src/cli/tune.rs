@@ -36,7 +36,7 @@ fn before_file(context: Context<'_>) -> PathBuf {
 pub(super) fn apply(
     Connection { io, journal, .. }: &mut Connection,
     (before, wanted): (&Image, &Image),
-    (yes, dry_run): (bool, bool),
+    consent: &Consent,
     context: Context<'_>,
 ) -> Result<(Vec<Change>, bool), Error> {
     let output = context.output;
@@ -46,8 +46,8 @@ pub(super) fn apply(
     );
     show(&changes, context);
     let question = "Write this to the EEPROM?";
-    if changes.is_empty() || dry_run || !(yes || prompt::confirm(question, &io.interrupt, output)?)
-    {
+    let nothing = changes.is_empty() || consent.dry_run;
+    if nothing || !(consent.yes || prompt::confirm(question, &io.interrupt, output)?) {
         return Ok((changes, false));
     }
     io.interrupt.check()?;
@@ -124,8 +124,8 @@ fn steps(
         return Err(Error::Tuning(format!("{what} (see {})", picture.display())));
     }
     let wanted = settings.with(&proposed.values(axis))?;
-    let consent = (arguments.consent.yes, arguments.consent.dry_run);
-    let (changes, written) = apply(connection, (&original, wanted.image()), consent, context)?;
+    let images = (&original, wanted.image());
+    let (changes, written) = apply(connection, images, &arguments.consent, context)?;
     let (samples, lost) = (samples.len(), recorder.lost());
     let done = json!({
         "axis": axis, "model": model, "samples": samples, "lost": lost, "present": present, "proposed": proposed,
@@ -184,7 +184,6 @@ fn divider(
     let upper = FIELDS.iter().filter(|field| field.tap == cell).take(1);
     let changes: Vec<_> = upper.map(|field| (field, upper_ohm.into())).collect();
     let wanted = Settings::from_image(&original)?.with(&changes)?;
-    let consent = (consent.yes, consent.dry_run);
     let (changes, written) = apply(connection, (&original, wanted.image()), consent, context)?;
     let done = json!({
         "cell": cell, "volts": volts, "upper_ohm": upper_ohm, "changes": changes, "written": written,

@@ -56,7 +56,6 @@ pub fn run(
     context.output.message(&learned.summary());
     let wheels = learned.wheels().map_err(Error::Calibration)?;
     let wanted = settings.with(&wheels.values())?;
-    let consent = (consent.yes, consent.dry_run);
     let (changes, written) = apply(connection, (&original, wanted.image()), consent, context)?;
     let done = json!({ "learned": learned, "changes": changes, "written": written });
     context.output.result(&done, || {

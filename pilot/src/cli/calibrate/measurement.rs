@@ -54,7 +54,12 @@ impl<'a> Measurement<'a> {
 
     /// Asks before anything moves.
     pub fn confirm(&self, io: &BoardIo, what: &str) -> Result<(), Error> {
-        prompt::confirm_drive(self.measuring.yes, what, &io.interrupt, self.context.output)
+        prompt::confirm_drive(
+            self.measuring.consent.yes,
+            what,
+            &io.interrupt,
+            self.context.output,
+        )
     }
 
     /// Drives the way-points in a new session: minutes may have passed since the last frame.
@@ -99,11 +104,7 @@ impl<'a> Measurement<'a> {
         if let (MeasureWith::Truth, Some(truth)) =
             (self.measuring.measure_with, &mut connection.truth)
         {
-            let end = truth.measure(self.measuring.noise);
-            return Ok(Measured {
-                ahead_mm: end.ahead_mm,
-                left_mm: Some(end.left_mm),
-            });
+            return Ok(truth.measure(self.measuring.noise).into());
         }
         let interrupt = &connection.io.interrupt;
         prompt::ask(question, interrupt, self.context.output, parse)
@@ -117,13 +118,8 @@ impl<'a> Measurement<'a> {
         wheels: &WheelGeometry,
     ) -> Result<(Vec<Change>, bool), Error> {
         let wanted = Settings::from_image(original)?.with(&wheels.values())?;
-        let consent = (self.measuring.yes, self.measuring.dry_run);
-        apply(
-            connection,
-            (original, wanted.image()),
-            consent,
-            self.context,
-        )
+        let images = (original, wanted.image());
+        apply(connection, images, &self.measuring.consent, self.context)
     }
 
     /// What was found by driving once more; none without an answer.
@@ -142,6 +138,6 @@ impl<'a> Measurement<'a> {
         let question = "Put the robot back on its marks. Drive once more to verify?";
         let output = self.context.output;
         Ok(!self.measuring.no_verify
-            && (self.measuring.yes || prompt::confirm(question, &io.interrupt, output)?))
+            && (self.measuring.consent.yes || prompt::confirm(question, &io.interrupt, output)?))
     }
 }
