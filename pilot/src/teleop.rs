@@ -45,24 +45,18 @@ pub struct DeadMan {
 }
 
 impl DeadMan {
-    /// With the speeds of the keys, mm/s and degrees/s.
-    pub const fn new(forward_mm_s: f64, yaw_rate_deg_s: f64) -> Self {
+    /// With the speeds of the keys, mm/s and degrees/s, of which a gamepad's stick gives a part.
+    pub const fn new(forward_mm_s: f64, yaw_rate_deg_s: f64, gamepad: Option<Gamepad>) -> Self {
         Self {
             forward_mm_s,
             yaw_rate_deg_s,
             velocity: (0.0, 0.0),
             pressed: None,
             sent: None,
-            gamepad: None,
+            gamepad,
             must_let_go: true,
             is_by_gamepad: false,
         }
-    }
-
-    /// Takes a gamepad, too: its stick gives the part of the speeds.
-    #[must_use]
-    pub fn with_gamepad(self, gamepad: Option<Gamepad>) -> Self {
-        Self { gamepad, ..self }
     }
 
     /// Takes what the gamepad did; whether it stops the robot.
@@ -209,7 +203,7 @@ mod tests {
     // Requirement: SERVE-teleop-1
     #[test]
     fn released_key_commands_zero_once() {
-        let (mut dead_man, begun) = (DeadMan::new(150.0, 45.0), Instant::now());
+        let (mut dead_man, begun) = (DeadMan::new(150.0, 45.0, None), Instant::now());
         let at = |ms| begun + Duration::from_millis(ms);
         assert_eq!(dead_man.due(at(0)), None);
         dead_man.press(Key::Ahead, at(0));
@@ -241,7 +235,7 @@ mod tests {
         let (stick, handle, button) = ((2, 1), (1, 4), (1, 0));
         let (gamepad, mut events) = gamepad::tests::gamepad();
         let begun = Instant::now();
-        let mut dead_man = DeadMan::new(150.0, 45.0).with_gamepad(Some(gamepad));
+        let mut dead_man = DeadMan::new(150.0, 45.0, Some(gamepad));
         for (ms, (kind, number), value, stop, due) in [
             // Held from the beginning on.
             (0, handle, 1, false, None),

@@ -122,7 +122,7 @@ fn released_key_and_leaving_stop_the_wheels() {
         let mut client = Client::local(port, "teleop", &Interrupt::new()).expect("joined");
         for (leaves, limit_us) in [(false, 1_000_000), (true, DEADLINE_US)] {
             let mut since_us = None;
-            let dead_man = Some(DeadMan::new(150.0, 45.0));
+            let dead_man = Some(DeadMan::new(150.0, 45.0, None));
             let turn = |shown: Shown<'_>| {
                 if let Shown::Refused(why) = shown {
                     panic!("{why}");

@@ -38,7 +38,7 @@ pub fn teleop(teleop: &Teleop, context: Context<'_>) -> Result<(), Error> {
         return Err(Error::Usage(what.into()));
     }
     let gamepad = teleop.gamepad.as_deref().map(Gamepad::open).transpose()?;
-    let dead_man = DeadMan::new(teleop.speed, teleop.turn).with_gamepad(gamepad);
+    let dead_man = DeadMan::new(teleop.speed, teleop.turn, gamepad);
     context.with_client(
         |connection| explore::ensure_mode(connection, teleop.yes, context),
         |client| screen::run(client, Some(dead_man)),

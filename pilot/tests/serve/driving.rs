@@ -67,7 +67,7 @@ fn second_driver_is_refused_until_first_has_gone() {
             Shown::Refused(_) => Ok(vec![Key::Leave]),
             _ => Ok(vec![Key::Ahead]),
         };
-        let dead_man = Some(DeadMan::new(150.0, 45.0));
+        let dead_man = Some(DeadMan::new(150.0, 45.0, None));
         teleop::run(&mut refused, &Interrupt::new(), dead_man, leave).unwrap();
         let why = end_of_motion(&mut second);
         assert!(why.contains("the lease of second has ended"), "{why}");
@@ -307,7 +307,7 @@ fn teleop_stops_by_its_key_and_where_its_terminal_hangs() {
                 };
                 Ok(vec![key])
             };
-            let dead_man = Some(DeadMan::new(150.0, 45.0));
+            let dead_man = Some(DeadMan::new(150.0, 45.0, None));
             teleop::run(&mut client, &Interrupt::new(), dead_man, turn).unwrap();
             assert!(ended.contains(expected), "{ended}");
         });
@@ -346,7 +346,7 @@ fn teleop_stops_by_a_button_of_the_gamepad() {
             }
             Ok(vec![])
         };
-        let dead_man = DeadMan::new(150.0, 45.0).with_gamepad(Some(gamepad));
+        let dead_man = DeadMan::new(150.0, 45.0, Some(gamepad));
         teleop::run(&mut client, &Interrupt::new(), Some(dead_man), turn).unwrap();
         assert_eq!(ended, "stopped by teleop");
     });
