@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use object::elf::SHF_ALLOC;
 use object::read::elf::ElfFile32;
 use object::{Endianness, Object, ObjectSection, ObjectSymbol, SectionFlags};
 
@@ -24,7 +25,6 @@ pub struct Sizes {
 
 const FLASH: std::ops::Range<u64> = 0x0800_0000..0x0808_0000;
 const RAM: std::ops::Range<u64> = 0x2000_0000..0x2002_0000;
-const SHF_ALLOC: u64 = 2;
 
 impl<'a> Elf<'a> {
     pub fn parse(bytes: &'a [u8]) -> Result<Self> {
@@ -72,7 +72,7 @@ impl<'a> Elf<'a> {
 }
 
 fn allocated<'a>(section: &impl ObjectSection<'a>) -> bool {
-    matches!(section.flags(), SectionFlags::Elf { sh_flags, .. } if sh_flags.0 & SHF_ALLOC != 0)
+    matches!(section.flags(), SectionFlags::Elf { sh_flags, .. } if sh_flags.contains(SHF_ALLOC))
 }
 
 /// System exceptions of the Cortex-M4 and interrupts of the STM32F411 (RM0383, table 37): the last

@@ -68,14 +68,6 @@ impl Stage {
 }
 
 impl Config {
-    /// The package's own tests.
-    pub fn of(package: String) -> Self {
-        Self {
-            package,
-            ..Self::default()
-        }
-    }
-
     /// Reads a configuration and its excuses.
     ///
     /// # Errors

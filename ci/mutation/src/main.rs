@@ -44,10 +44,13 @@ fn main() -> ExitCode {
 }
 
 fn try_main(arguments: Arguments) -> Result<ExitCode> {
-    let package = arguments.package.unwrap_or_default();
+    let own = Config {
+        package: arguments.package.unwrap_or_default(),
+        ..Config::default()
+    };
     let config = match &arguments.config {
         Some(file) => Config::read(file)?,
-        None => (Config::of(package), Excuses::default()),
+        None => (own, Excuses::default()),
     };
     let (folder, lister) = (&arguments.dir, &arguments.lister);
     if let Some(label) = &arguments.citations {

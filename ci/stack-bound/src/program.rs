@@ -3,15 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 
+use object::elf::{EM_ARM, SHF_ALLOC, SHF_WRITE};
 use object::read::elf::{ElfFile32, FileHeader};
 use object::{Endianness, Object, ObjectSection, ObjectSymbol, SectionFlags, SymbolKind};
 
 use crate::Error;
 use crate::decode::{Decoder, Effect, Instruction};
-
-/// Section flags: the section is in memory; it is writable at run time.
-const SHF_ALLOC: u64 = 2;
-const SHF_WRITE: u64 = 1;
 
 /// A program to analyse.
 #[derive(Debug, Default)]
@@ -40,7 +37,7 @@ impl Program {
     pub fn from_elf(bytes: &[u8]) -> Result<Self, Error> {
         let file: ElfFile32<Endianness> =
             ElfFile32::parse(bytes).map_err(|error| Error::Elf(error.to_string()))?;
-        if file.elf_header().e_machine(Endianness::Little) != object::elf::EM_ARM {
+        if file.elf_header().e_machine(Endianness::Little) != EM_ARM {
             return Err(Error::Elf("not for ARM".into()));
         }
         let mut program = Self {
@@ -51,11 +48,11 @@ impl Program {
             let SectionFlags::Elf { sh_flags, .. } = section.flags() else {
                 continue;
             };
-            let (flags, at) = (sh_flags.0, low(section.address()));
-            if flags & SHF_ALLOC == 0 || section.size() == 0 {
+            let at = low(section.address());
+            if !sh_flags.contains(SHF_ALLOC) || section.size() == 0 {
                 continue;
             }
-            if flags & SHF_WRITE != 0 {
+            if sh_flags.contains(SHF_WRITE) {
                 program.statics = program.statics.min(at);
             } else if let Ok(data) = section.data() {
                 program.memory.push((at, data.to_vec()));

@@ -47,6 +47,7 @@ const PUSH_R4_LR: u16 = 0xB510;
 const POP_R4_PC: u16 = 0xBD10;
 const PUSH_R4_R5_R6_LR: u16 = 0xB570;
 const POP_R4_R5_R6_PC: u16 = 0xBD70;
+const DEEPER: [u16; 2] = [PUSH_R4_R5_R6_LR, POP_R4_R5_R6_PC];
 const BX_LR: u16 = 0x4770;
 const NOP: u16 = 0xBF00;
 
@@ -95,7 +96,7 @@ fn call_counts_from_its_depth() {
     let [c, d] = bl(0, 4, 1);
     // Once from 8 bytes down, once from 40.
     let caller = [PUSH_R4_LR, a, b, 0xB088, c, d, 0xB008, POP_R4_PC];
-    let report = report(&[&caller, &[PUSH_R4_R5_R6_LR, POP_R4_R5_R6_PC]]).unwrap();
+    let report = report(&[&caller, &DEEPER]).unwrap();
     assert_eq!(report.worst(), 40 + 16);
     let chain = [("f0".to_owned(), 40), ("f1".to_owned(), 16)];
     assert_eq!(report.levels[0].chain, chain);
@@ -106,7 +107,7 @@ fn tail_call_keeps_the_remaining_stack() {
     // push {r4, lr}; pop.w {r4, lr}; b.w f1
     let [b, w] = bl(0, 3, 1);
     let tail = [PUSH_R4_LR, 0xE8BD, 0x4010, b, w & !0x4000];
-    assert_eq!(worst(&[&tail, &[PUSH_R4_R5_R6_LR, POP_R4_R5_R6_PC]]), 16);
+    assert_eq!(worst(&[&tail, &DEEPER]), 16);
     // Outlined epilogue: push {r4, lr}; b.w to pop {r4, pc}.
     let [b, w] = bl(0, 1, 1);
     assert_eq!(worst(&[&[PUSH_R4_LR, b, w & !0x4000], &[POP_R4_PC]]), 8);
@@ -148,14 +149,13 @@ fn recursion_is_refused_with_its_cycle() {
 fn indirect_call_needs_known_targets() {
     // push {r4, lr}; ldr r3, [r0]; blx r3; pop
     let unknown: &[u16] = &[PUSH_R4_LR, 0x6803, 0x4798, POP_R4_PC];
-    let deeper: &[u16] = &[PUSH_R4_R5_R6_LR, POP_R4_R5_R6_PC];
-    assert_refused(&[unknown, deeper], "unknown address");
+    assert_refused(&[unknown, &DEEPER], "unknown address");
     assert_refused(&[&[PUSH_R4_LR, 0x4798, POP_R4_PC]], "through r3");
     // movw r3, #0x0301; movt r3, #0x0800; blx r3
     let known: &[u16] = &[
         PUSH_R4_LR, 0xF240, 0x3301, 0xF6C0, 0x0300, 0x4798, POP_R4_PC,
     ];
-    assert_eq!(worst(&[known, deeper]), 8 + 16);
+    assert_eq!(worst(&[known, &DEEPER]), 8 + 16);
     // bx r1 is no return.
     assert_refused(&[&[0x4708]], "through r1");
 }
@@ -198,8 +198,7 @@ fn outlined_code_jumps_through_its_callers_register() {
     // push {r4, lr}; r4 = f2; bl f1; pop, with f1: bx r4
     let [a, b] = bl(0, 5, 1);
     let caller = [PUSH_R4_LR, 0xF240, 0x4401, 0xF6C0, 0x0400, a, b, POP_R4_PC];
-    let deeper = [PUSH_R4_R5_R6_LR, POP_R4_R5_R6_PC];
-    assert_eq!(worst(&[&caller, &[0x4720], &deeper]), 8 + 16);
+    assert_eq!(worst(&[&caller, &[0x4720], &DEEPER]), 8 + 16);
 }
 
 #[test]
@@ -209,10 +208,9 @@ fn clobbered_register_is_forgotten() {
     let caller = [
         PUSH_R4_LR, 0xF240, 0x4401, 0xF6C0, 0x0400, a, b, 0x47A0, POP_R4_PC,
     ];
-    let deeper = [PUSH_R4_R5_R6_LR, POP_R4_R5_R6_PC];
     let restores = [PUSH_R4_LR, 0x6804, POP_R4_PC];
-    assert_eq!(worst(&[&caller, &restores, &deeper]), 8 + 16);
-    assert_refused(&[&caller, &[0x6804, BX_LR], &deeper], "unknown address");
+    assert_eq!(worst(&[&caller, &restores, &DEEPER]), 8 + 16);
+    assert_refused(&[&caller, &[0x6804, BX_LR], &DEEPER], "unknown address");
 }
 
 #[test]
@@ -336,13 +334,12 @@ fn interrupts() -> Program {
     let reset = [
         0xF44F, 0x4064, 0xF2CE, 0x0000, 0x2120, 0x7041, 0x7001, 0xE7FE,
     ];
-    let handler = [PUSH_R4_R5_R6_LR, POP_R4_R5_R6_PC];
     let deeper = [0xB5F0, 0xBDF0];
     // r0 = 0x20002000; msr msp, r0; push {r4}; b .
     let fault = [
         0xF44F, 0x5000, 0xF2C2, 0x0000, 0xF380, 0x8808, 0xB410, 0xE7FE,
     ];
-    let mut program = program(&[&reset, &handler, &deeper, &fault], &[]);
+    let mut program = program(&[&reset, &DEEPER, &deeper, &fault], &[]);
     program.vectors.resize(18, 0);
     for (number, routine) in [(2, 1), (3, 3), (16, 1), (17, 2)] {
         program.vectors[number] = CODE + 0x100 * routine + 1;
@@ -387,8 +384,7 @@ fn masked_routine_counts_apart() {
     let reset = [PUSH_R4_LR, a, b, POP_R4_PC];
     // push {r4, lr}; sub sp, #64; add sp, #64; pop
     let boot = [PUSH_R4_LR, 0xB090, 0xB010, POP_R4_PC];
-    let handler = [PUSH_R4_R5_R6_LR, POP_R4_R5_R6_PC];
-    let mut program = program(&[&reset, &boot, &handler], &[]);
+    let mut program = program(&[&reset, &boot, &DEEPER], &[]);
     program.vectors.resize(17, 0);
     program.vectors[16] = CODE + 0x201;
     let mut options = Options::default();
