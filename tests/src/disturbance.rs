@@ -5,12 +5,11 @@ use std::ops::Range;
 use plant::Rng;
 use twin::SpiStep;
 
+use crate::throughput::GAP_NS;
 use crate::wires::selected;
 
 /// From the chip select's edge to the clocks, and back, nanoseconds.
 pub const SETUPS_NS: [u64; 4] = [60, 250, 500, 1_000];
-/// From a frame's end to the next one's begin, nanoseconds.
-const GAP_NS: u64 = 20_000;
 /// Bytes of a Guarded Normal frame.
 pub const LEN: usize = 26;
 const BITS: usize = 8 * LEN;
@@ -47,14 +46,9 @@ impl Random {
     }
 
     fn clock(&mut self) -> u64 {
-        let mut left = self.below(CLOCKS.iter().map(|(_, often)| often).sum());
-        for (hz, often) in CLOCKS {
-            if left < often {
-                return hz;
-            }
-            left -= often;
-        }
-        unreachable!("below the sum")
+        let clocks = CLOCKS.iter().flat_map(|&(hz, often)| [hz].repeat(often));
+        let clocks: Vec<u64> = clocks.collect();
+        clocks[self.below(clocks.len())]
     }
 
     /// The bits of a frame that are wrong at a rate; one less where the checksum cannot tell, which is so

@@ -12,11 +12,11 @@ use crate::test_board::{Rig, TIM5_CCR1};
 use crate::wires::{first_bits, selected};
 
 /// The tick's period, nanoseconds.
-const TICK_NS: u64 = 10_000_000;
+pub const TICK_NS: u64 = 10_000_000;
 /// From the fall of chip-select to the first clock, and from the last to its rise, nanoseconds.
 const SETUP_NS: u64 = 1_000;
 /// Shortest pause between two frames, nanoseconds.
-const GAP_NS: u64 = 20_000;
+pub const GAP_NS: u64 = 20_000;
 /// Bytes of a Normal frame.
 const NORMAL: u64 = 19;
 /// Frame rates tried by [`sustained`], frames a second.

@@ -14,9 +14,9 @@ use host_link::eeprom::journal::Journal;
 use host_link::eeprom::program;
 use host_link::eeprom::repair::{Repaired, repair};
 use host_link::session::Session;
+use robot_tests::exploration::READY_MS;
 use robot_tests::test_board::Rig;
 
-const READY_MS: u32 = 1_000;
 const RATE_HZ: u32 = 400;
 
 /// The calls of a process: none from `killed_before` on reaches the board. The writer leaves the journal alone

@@ -13,7 +13,7 @@ use fw_core::wire::{Command, FrameError, MAX_FRAME, Mode, Order, PiLink, Reason,
 use robot_tests::disturbance::{Disturbance, LEN, Random, seeds};
 use robot_tests::reference::image_in_mode;
 use robot_tests::test_board::Rig;
-use robot_tests::throughput::logged_counts;
+use robot_tests::throughput::{TICK_NS, logged_counts};
 use twin::components::spi_master::pack;
 use twin::plant::Rng;
 use twin::{Options, SpiStep};
@@ -30,8 +30,6 @@ const FRAMES: usize = 20_000;
 /// Chip-selects that end this many instructions apart are each read and answered: the longest tick, two
 /// frames, and the interrupts meanwhile.
 const BUSY_INSTRUCTIONS: u64 = 12_000;
-/// The tick's period, nanoseconds.
-const TICK_NS: u64 = 10_000_000;
 /// A chip-select that rises may go unseen where the frame goes on and ends within this time, nanoseconds.
 const UNSEEN_NS: u64 = 3_000;
 /// Frames played at a time. The sequence numbers distinguish fresh from old over 127 frames.

@@ -5,9 +5,8 @@ use fw_core::wire::{Mode, chain};
 use host_link::error::Error;
 use host_link::session::{CommandRequest, MODE_CHECK_FRAMES, RATE_HZ, Session};
 use pilot::mode;
+use robot_tests::exploration::READY_MS;
 use robot_tests::test_board::{Rig, image_with_servo};
-
-const READY_MS: u32 = 1_000;
 
 fn names(mode: Mode) -> impl Iterator<Item = &'static str> {
     chain(mode).iter().map(|field| field.name())

@@ -11,6 +11,7 @@ use fw_core::wire::{Command, MAX_FRAME, Mode, PiLink, Setup};
 use robot_tests::disturbance::{Random, SETUPS_NS, seeds};
 use robot_tests::reference::{KEY_STM, NormalReply, crc16, image_in_mode, normal_frame};
 use robot_tests::test_board::{ELF, Rig, TIM5_CCR1, elf, take_writes};
+use robot_tests::throughput::{GAP_NS, TICK_NS};
 use robot_tests::wires::selected;
 use twin::components::spi_master::pack;
 use twin::plant::{Pose2, Rng, Room};
@@ -31,9 +32,6 @@ const BUFFERS: u64 = 3;
 const BUFFER: usize = 32;
 /// Time from one commanded pose to the other, nanoseconds.
 const STAY_NS: u64 = 3_000_000_000;
-const TICK_NS: u64 = 10_000_000;
-/// From a frame's end to the next one's begin, nanoseconds.
-const GAP_NS: u64 = 20_000;
 /// Begins of the first frame, this far apart, half of them before the refresh, nanoseconds.
 const PHASES: usize = 1_200;
 const PHASE_NS: u64 = 50;

@@ -2,13 +2,13 @@ use super::*;
 use crate::fixture::RAM;
 use rigless::soc::stm32f427::peripherals::i2c::Pattern;
 
-const I2C1: u64 = 0x4000_5400;
-const CR1: u64 = I2C1;
-const CR2: u64 = I2C1 + 4;
+pub(super) const I2C1: u64 = 0x4000_5400;
+pub(super) const CR1: u64 = I2C1;
+pub(super) const CR2: u64 = I2C1 + 4;
 const DR: u64 = I2C1 + 0x10;
 const SR1: u64 = I2C1 + 0x14;
 const SR2: u64 = I2C1 + 0x18;
-const CCR: u64 = I2C1 + 0x1C;
+pub(super) const CCR: u64 = I2C1 + 0x1C;
 const PE: u64 = 1;
 const START: u64 = 1 << 8;
 const STOP: u64 = 1 << 9;

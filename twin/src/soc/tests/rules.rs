@@ -1,3 +1,4 @@
+use super::i2c::{CCR, CR1, CR2, I2C1};
 use super::*;
 use rigless::emulator::{Access, AccessKind};
 
@@ -10,10 +11,6 @@ const GPIOB_MODER: u64 = 0x4002_0400;
 const GPIOB_OTYPER: u64 = GPIOB_MODER + 4;
 const GPIOB_PUPDR: u64 = GPIOB_MODER + 0xC;
 const GPIOB_AFRL: u64 = 0x4002_0420;
-const I2C1: u64 = 0x4000_5400;
-const CR1: u64 = I2C1;
-const CR2: u64 = I2C1 + 4;
-const CCR: u64 = I2C1 + 0x1C;
 const TRISE: u64 = I2C1 + 0x20;
 const ADC1: u64 = 0x4001_2000;
 const STREAM: u64 = 0x4002_6010;
