@@ -308,11 +308,10 @@ fn exit_codes_of_link_line_server_and_reader_are_theirs() {
         text: String::new(),
         exit,
     };
-    let (what, reason, seconds) = ("cells are left", "no way", 9.0);
     let incomplete = Error::Incomplete {
-        what,
-        reason,
-        seconds,
+        what: "cells are left",
+        reason: "no way",
+        seconds: 9.0,
     };
     for (error, exit) in [
         (Error::Spi(String::new()), Exit::Link),

@@ -170,11 +170,15 @@ mod tests {
     use super::*;
     use fw_core::eeprom::{Image, fields};
 
+    /// Of Guarded Velocity, before a report.
+    fn before() -> Snapshot {
+        let mode = Mode::GuardedVelocity.code().into();
+        Snapshot::new(&Config::decode(&Image::FIRST_BOARD.with(fields::MODE, mode)).unwrap())
+    }
+
     #[test]
     fn snapshot_as_json_reads_back() {
-        let mode = Mode::GuardedVelocity.code().into();
-        let config = Config::decode(&Image::FIRST_BOARD.with(fields::MODE, mode)).unwrap();
-        let mut snapshot = Snapshot::new(&config);
+        let mut snapshot = before();
         snapshot.full_speed_mm_s = 0.0;
         let report = Report {
             state: State::Faulted,
@@ -227,8 +231,6 @@ mod tests {
 
     #[test]
     fn restart_shows_by_its_fault_or_the_pose() {
-        let mode = Mode::GuardedVelocity.code().into();
-        let config = Config::decode(&Image::FIRST_BOARD.with(fields::MODE, mode)).unwrap();
         let (restarted, none) = (Faults::RESTARTED, Faults::NONE);
         for (us, [x, deg], faults, is_restart) in [
             (25_000, [150.0, 0.0], [none, none], false),
@@ -239,7 +241,7 @@ mod tests {
             (25_000, [0.0, 0.0], [none, restarted], true),
             (25_000, [0.0, 0.0], [restarted, restarted], false),
         ] {
-            let mut snapshot = Snapshot::new(&config);
+            let mut snapshot = before();
             let second = (us, Pose::new(x, 0.0, deg));
             for ((us, pose), faults) in [(0, Pose::default()), second].into_iter().zip(faults) {
                 let report = Report {
@@ -256,9 +258,7 @@ mod tests {
     // Requirement: WIRE-gyro-1
     #[test]
     fn gyro_angle_is_unwrapped_and_survives_a_gap() {
-        let mode = Mode::GuardedVelocity.code().into();
-        let config = Config::decode(&Image::FIRST_BOARD.with(fields::MODE, mode)).unwrap();
-        let mut snapshot = Snapshot::new(&config);
+        let mut snapshot = before();
         let quarter = i32::MAX / 512;
         for (code, turns) in [
             (None, None),

@@ -129,11 +129,10 @@ fn retry(
 }
 
 fn failure(doing: &'static str, address: u16, cause: &IoError) -> Error {
-    let cause = cause.to_string();
     Error::Eeprom {
         doing,
         address,
-        cause,
+        cause: cause.to_string(),
     }
 }
 

@@ -125,11 +125,10 @@ fn transaction_without_an_answer_ends_in_time() {
 #[test]
 fn verify_names_address_and_both_bytes_of_first_difference() {
     assert_eq!(chip::verify(0x20, &[1, 2, 3], &[1, 2, 3]), Ok(()));
-    let (address, written, read) = (0x21, 2, 7);
     let expected = Error::Verify {
-        address,
-        written,
-        read,
+        address: 0x21,
+        written: 2,
+        read: 7,
     };
     let found = chip::verify(0x20, &[1, 2, 3], &[1, 7, 7]);
     assert_eq!(found, Err(expected));

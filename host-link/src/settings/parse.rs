@@ -63,7 +63,7 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Settings, Error> {
     match Config::decode(&image) {
         Ok(config) => Ok(Settings { image, config }),
         Err(error) => Err(rejected(&error, image, path, |key| {
-            find(document, key).map(|value| line_of(text, value.span().start))
+            FileFault::at(text, find(document, key)?.span(), "").line
         })),
     }
 }
@@ -123,11 +123,6 @@ fn rejected(
         field = also.field;
     }
     Error::Rejected(rejection.location, rejection.what)
-}
-
-/// 1-based line of a byte offset.
-fn line_of(text: &str, at: usize) -> usize {
-    text.bytes().take(at).filter(|&byte| byte == b'\n').count() + 1
 }
 
 /// The value of a dotted key.
