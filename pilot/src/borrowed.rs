@@ -11,7 +11,6 @@ use host_link::board_io::{BoardIo, Clock, Interrupt, IoError, input, output};
 use host_link::error::Error;
 use host_link::uart::LogSource;
 use std::cell::RefCell;
-use std::fmt::Display;
 use std::rc::Rc;
 
 /// The robot of a server.
@@ -32,11 +31,10 @@ impl Borrowed {
     /// Those of [`Client::request`]: another client drives.
     pub fn new(mut client: Client) -> Result<Self, Error> {
         client.request(&Request::Borrow)?;
-        let (failure, now_us) = (None, 0);
         Ok(Self(Rc::new(RefCell::new(State {
             client,
-            failure,
-            now_us,
+            failure: None,
+            now_us: 0,
         }))))
     }
 
@@ -78,22 +76,18 @@ impl Borrowed {
         let refused = match client.ask(&Request::Board { call }) {
             Ok(Some(Message::Board {
                 error: Some(why), ..
-            })) => return Err(driver_error(&why)),
+            })) => return Err(IoError::new(format_args!("{why}"))),
             Ok(Some(Message::Board { bytes, number, .. })) => return Ok((bytes, number)),
             Ok(_) => client::lost("no answer"),
             Err(error) => error,
         };
         failure.get_or_insert(Failure::from(&refused));
-        Err(driver_error(&refused))
+        Err(IoError::new(format_args!("{refused}")))
     }
 
     fn run(&self, call: Call) -> Result<(), IoError> {
         self.call(call).map(drop)
     }
-}
-
-fn driver_error(cause: &impl Display) -> IoError {
-    IoError::new(format_args!("{cause}"))
 }
 
 impl spi::ErrorType for Borrowed {
@@ -112,9 +106,8 @@ impl SpiDevice for Borrowed {
                     reply[..len].copy_from_slice(&bytes[..len]);
                 }
                 _ => {
-                    return Err(driver_error(
-                        &"a borrowed robot transfers whole frames only",
-                    ));
+                    let what = format_args!("a borrowed robot transfers whole frames only");
+                    return Err(IoError::new(what));
                 }
             }
         }
@@ -137,15 +130,14 @@ impl I2c for Borrowed {
             [Write(write)] => (write.to_vec(), &mut []),
             [Write(write), Read(read)] => (write.to_vec(), read),
             _ => {
-                return Err(driver_error(
-                    &"a borrowed EEPROM is addressed before it is read",
-                ));
+                let what = format_args!("a borrowed EEPROM is addressed before it is read");
+                return Err(IoError::new(what));
             }
         };
         let (bytes, _) = self.call(Call::I2c(address, write, read.len()))?;
         let all = bytes.len() == read.len();
         all.then(|| read.copy_from_slice(&bytes))
-            .ok_or_else(|| driver_error(&"short answer"))
+            .ok_or_else(|| IoError::new(format_args!("short answer")))
     }
 }
 

@@ -149,11 +149,10 @@ impl Drive {
             Outcome::TimeLimit => "the time ran out; `explore --timeout` gives it more",
             Outcome::Unreachable => "the map shows no way; look for an obstacle and start again",
         };
-        let seconds = self.seconds;
         Err(Error::Incomplete {
             what,
             reason,
-            seconds,
+            seconds: self.seconds,
         })
     }
 }

@@ -216,9 +216,8 @@ pub fn mounts(config: &Config, body_mm: f64) -> [Option<Mount>; 3] {
     let overhang_mm = config.obstacle_stop().overhang_mm.into();
     Mount::on_body(body_mm, overhang_mm).map(|mount| {
         let bearing = config.bearing(fitted.next()?).0.cast_signed();
-        let bearing_rad = f64::from(bearing) / 4_294_967_296.0 * std::f64::consts::TAU;
         Some(Mount {
-            bearing_rad,
+            bearing_rad: f64::from(bearing) / 4_294_967_296.0 * std::f64::consts::TAU,
             ..mount
         })
     })

@@ -138,9 +138,8 @@ impl Plan for Slow {
         } else if self.0 == 2 * SLOW_FRAME {
             return Action::Done(Outcome::Complete);
         }
-        let forward_mm_s = 50.0;
         Action::Drive(Velocity {
-            forward_mm_s,
+            forward_mm_s: 50.0,
             ..Velocity::default()
         })
     }

@@ -16,10 +16,9 @@ use std::time::Instant;
 fn record(path: &Path, begin_us: u64, along_mm: &[f64]) {
     let mut recorder = Recorder::create(path, &Settings::sample().unwrap(), BODY_MM, 0).unwrap();
     for (time_us, &x_mm) in (begin_us..).step_by(25_000).zip(along_mm) {
-        let pose = Pose::new(x_mm, 0.0, 0.0);
         let sample = RangeSample {
             time_us,
-            pose,
+            pose: Pose::new(x_mm, 0.0, 0.0),
             ..RangeSample::default()
         };
         recorder.add(&sample).unwrap();
@@ -106,10 +105,8 @@ fn endless_and_far_inputs_are_refused() {
     let far = here.join("far.mcap");
     // By a server that had served for an hour.
     record(&far, 3_600_000_000, &[0.0, 2e6]);
-    let (map, far) = (
-        here.join("map").display().to_string(),
-        far.display().to_string(),
-    );
+    let map = here.join("map").display().to_string();
+    let far = far.display().to_string();
     for (words, expected) in [
         (
             "eeprom check /dev/zero".into(),

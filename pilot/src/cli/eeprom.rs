@@ -199,10 +199,7 @@ impl Difference {
         if self.bytes == 0 {
             return "no difference".into();
         }
-        let mut lines = Vec::new();
-        if let Some(why) = &self.rejected {
-            lines.push(why.clone());
-        }
+        let mut lines = Vec::from_iter(self.rejected.clone());
         for change in self.fields.iter().flatten() {
             lines.push(format!(
                 "0x{:04X} {}: {} -> {}",
@@ -210,9 +207,8 @@ impl Difference {
             ));
         }
         if self.fields.as_ref().is_none_or(Vec::is_empty) {
-            for (first, last) in &self.stretches {
-                lines.push(format!("0x{first:04X} to 0x{last:04X} differ"));
-            }
+            let stretch = |(first, last): &_| format!("0x{first:04X} to 0x{last:04X} differ");
+            lines.extend(self.stretches.iter().map(stretch));
         }
         lines.push(format!(
             "{} bytes differ, {} bursts",

@@ -222,10 +222,8 @@ mod tests {
 
     fn screen() -> Screen {
         let mut robot = Snapshot::new(&Config::decode(&Image::FIRST_BOARD).unwrap());
-        (robot.pose, robot.ranges_mm) = (
-            Some(Pose::new(100.0, 200.0, 30.0)),
-            [Some(812.0), None, None],
-        );
+        robot.pose = Some(Pose::new(100.0, 200.0, 30.0));
+        robot.ranges_mm = [Some(812.0), None, None];
         (robot.state, robot.faults) = (Some("faulted"), vec!["left-stalled"]);
         let (pose, deviation_mm) = (Pose::new(400.0, 400.0, -90.0), 12.0);
         let frame = protocol::Frame {

@@ -1,7 +1,7 @@
 //! `serve`: this process owns the robot, others use it.
 
 use super::args::Serve;
-use super::connection::Context;
+use super::connection::{Connection, Context};
 use super::explore;
 use fw_core::eeprom::fields;
 use host_link::eeprom;
@@ -14,7 +14,7 @@ use std::sync::Arc;
 
 /// Runs the command.
 pub fn run(serve: &Serve, context: Context<'_>) -> Result<(), Error> {
-    let simulated = context.board.virtual_board.chosen;
+    let (simulated, output) = (context.board.virtual_board.chosen, context.output);
     if serve.speed.is_some() && !simulated {
         return Err(Error::Usage("--speed is for --virtual only".into()));
     }
@@ -29,19 +29,17 @@ pub fn run(serve: &Serve, context: Context<'_>) -> Result<(), Error> {
         let (hub, events) = Hub::new();
         let path = context.state_file("sock");
         let _socket = listener::unix(&path, &hub)?;
-        context
-            .output
-            .message(&format!("serving on {}", path.display()));
+        output.message(&format!("serving on {}", path.display()));
         if let Some(address) = &serve.listen {
             let token = load_token(context)?;
             let address = listener::tcp(address, &token, &hub)?;
-            context.output.message(&format!("serving on {address}"));
+            output.message(&format!("serving on {address}"));
         }
         #[cfg(feature = "web")]
         if let Some(address) = &serve.web {
             let token = load_token(context)?;
             let url = pilot::web::serve(address, &token, &hub)?;
-            context.output.message(&format!("page: {url}"));
+            output.message(&format!("page: {url}"));
         }
         let options = Options {
             rate_hz: context.board.rate,
@@ -55,20 +53,15 @@ pub fn run(serve: &Serve, context: Context<'_>) -> Result<(), Error> {
 }
 
 fn load_token(context: Context<'_>) -> Result<Arc<str>, Error> {
-    let path = context.state_file("token");
+    let (path, output) = (context.state_file("token"), context.output);
     let token = token::load(&path)?;
-    context
-        .output
-        .message(&format!("token in {}", path.display()));
+    output.message(&format!("token in {}", path.display()));
     Ok(token.into())
 }
 
 /// A new virtual robot gets the sample configuration, its front sensor on a servo.
-fn configure_blank(
-    connection: &mut super::connection::Connection,
-    context: Context<'_>,
-) -> Result<(), Error> {
-    let super::connection::Connection { io, journal, .. } = connection;
+fn configure_blank(connection: &mut Connection, context: Context<'_>) -> Result<(), Error> {
+    let Connection { io, journal, .. } = connection;
     if eeprom::read(io)?.0.iter().any(|&byte| byte != 0xFF) {
         return Ok(());
     }

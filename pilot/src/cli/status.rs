@@ -138,11 +138,7 @@ fn summary(seen: &Summary) -> String {
             });
         }
     }
-    for hint in &seen.hints {
-        lines.push(format!("hint: {hint}"));
-    }
-    if let Some(error) = &seen.error {
-        lines.push(format!("error: {error}"));
-    }
+    lines.extend(seen.hints.iter().map(|hint| format!("hint: {hint}")));
+    lines.extend(seen.error.iter().map(|error| format!("error: {error}")));
     lines.join("\n")
 }

@@ -12,17 +12,17 @@ const LOOK_US: u32 = 20_000;
 
 /// Stops the robot.
 pub fn run(context: Context<'_>) -> Result<(), Error> {
+    let output = context.output;
     if let Some(mut client) = context.server()? {
         client.request(&Request::Stop)?;
         if let Some(error) = client.status()?.error {
-            let text = format!("the robot cannot be reached and stops by its deadline: {error}");
             return Err(Error::Server {
-                text,
+                text: format!("the robot cannot be reached and stops by its deadline: {error}"),
                 exit: Exit::Link,
             });
         }
         let stopped = json!({ "stopped": true });
-        return context.output.result(&stopped, || "stopped".into());
+        return output.result(&stopped, || "stopped".into());
     }
     context.with_own_board(|connection| {
         let mut session = context.open_session(&mut connection.io)?;
@@ -31,19 +31,14 @@ pub fn run(context: Context<'_>) -> Result<(), Error> {
         let state = session.snapshot().state;
         let stopped = json!({ "stopped": true, "state": state });
         let state = state.map(|state| format!(" ({state})")).unwrap_or_default();
-        context
-            .output
-            .result(&stopped, || format!("stopped{state}"))
+        output.result(&stopped, || format!("stopped{state}"))
     })
 }
 
 /// Shows the STM's log until Ctrl-C.
 pub fn log(context: Context<'_>) -> Result<(), Error> {
-    let show = |line: String| {
-        context
-            .output
-            .result(&json!({ "line": line }), || line.clone())
-    };
+    let output = context.output;
+    let show = |line: String| output.result(&json!({ "line": line }), || line.clone());
     if let Some(mut client) = context.server()? {
         let interrupt = interrupt()?;
         client.request(&Request::Watch { every: 400 })?;

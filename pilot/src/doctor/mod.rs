@@ -49,11 +49,10 @@ impl Findings {
         found: impl Into<String>,
         advice: Option<&'static str>,
     ) {
-        let found = found.into();
         self.0.push(Finding {
             check,
             outcome,
-            found,
+            found: found.into(),
             advice,
         });
     }

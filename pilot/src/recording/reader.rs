@@ -81,9 +81,8 @@ pub fn parse(bytes: &[u8]) -> Result<(Option<String>, Vec<RangeSample>), String>
             let degrees = pose.orientation.degrees();
             let pose = Pose::new(pose.position.x * 1000.0, pose.position.y * 1000.0, degrees);
             if pose.x_mm.is_finite() && pose.y_mm.is_finite() && degrees.is_finite() {
-                let time_us = message.log_time / 1000;
                 samples.push(RangeSample {
-                    time_us,
+                    time_us: message.log_time / 1000,
                     pose,
                     ..pending
                 });

@@ -72,12 +72,11 @@ impl Hub {
     /// A hub, and the events for the control loop.
     pub fn new() -> (Self, Receiver<Event>) {
         let (events, receiver) = mpsc::channel();
-        let (clients, next) = (Arc::default(), Arc::default());
         let hub = Self {
             events,
-            clients,
+            clients: Arc::default(),
             most: MAX_CLIENTS,
-            next,
+            next: Arc::default(),
         };
         (hub, receiver)
     }
@@ -85,9 +84,8 @@ impl Hub {
     /// The same hub for the clients of a network.
     #[must_use]
     pub fn of_network(&self) -> Self {
-        let most = MAX_WITH_NETWORK;
         Self {
-            most,
+            most: MAX_WITH_NETWORK,
             ..self.clone()
         }
     }
@@ -114,14 +112,13 @@ impl Port {
     pub fn join(&self, name: String) -> (Receiver<Arc<str>>, Receiver<()>) {
         let (queue, messages) = mpsc::sync_channel(QUEUE);
         let (answered, answers) = mpsc::sync_channel(1);
-        let (id, every, tiles, held, loan_ended) = (self.id, None, 0, None, None);
         let client = Client {
-            id,
+            id: self.id,
             name,
-            every,
-            tiles,
-            held,
-            loan_ended,
+            every: None,
+            tiles: 0,
+            held: None,
+            loan_ended: None,
             answered,
             queue,
         };

@@ -70,10 +70,8 @@ impl Tiles {
 
 fn cells(grid: &Grid, first: [i32; 2], column: i32, row: i32) -> String {
     let state = |index: i32| {
-        let (x, y) = (
-            column * SIDE + index % SIDE - first[0],
-            row * SIDE + index / SIDE - first[1],
-        );
+        let x = column * SIDE + index % SIDE - first[0];
+        let y = row * SIDE + index / SIDE - first[1];
         match (usize::try_from(x), usize::try_from(y)) {
             (Ok(x), Ok(y)) => match grid.cell(x, y) {
                 Cell::Occupied => '#',

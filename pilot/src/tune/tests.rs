@@ -216,9 +216,8 @@ fn synthetic(gain: f64, dead_zone: f64, lag_s: f64, noise: f64) -> Vec<Sample> {
     let known = known_drive(gain, dead_zone, lag_s);
     let (mut samples, mut at, mut seed) = (Vec::new(), 0.0, 1_u32);
     let mut push = |percent: f64, value: f64| {
-        let tick = u32::try_from(samples.len()).unwrap();
         samples.push(Sample {
-            tick,
+            tick: u32::try_from(samples.len()).unwrap(),
             percent,
             value,
         });

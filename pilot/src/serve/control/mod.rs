@@ -238,10 +238,9 @@ impl Server {
 
     /// Reports the end of a motion to the client that drives.
     fn report_end(&mut self, activity: Activity, error: Option<&Error>, seconds: f64) {
-        let error = error.map(Failure::from);
         let done = Message::Done {
             activity,
-            error,
+            error: error.map(Failure::from),
             seconds,
         };
         if let (Some(lease), true) = (&self.lease, activity != Activity::Idle) {

@@ -225,10 +225,9 @@ impl Server {
     }
 
     fn lease_of(&self, client: ClientId, length: Duration, ends: Option<Instant>) -> Lease {
-        let name = self.name(client);
         Lease {
             client,
-            name,
+            name: self.name(client),
             length,
             ends,
         }
