@@ -161,11 +161,8 @@ impl Exploration {
     /// Compares the run with the room, in which it took place.
     #[must_use]
     pub fn figures(&self, room: &Room) -> Figures {
-        let (path, truth, grid) = (
-            &self.localisation.path,
-            &self.truth,
-            self.localisation.localiser.grid(),
-        );
+        let (path, truth) = (&self.localisation.path, &self.truth);
+        let grid = self.localisation.localiser.grid();
         let (surfaces, floor) = (room.visible_surfaces(), room.reachable_floor());
         let aligned = best_alignment(path, truth);
         let at_start = path.first().zip(truth.first());

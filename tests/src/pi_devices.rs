@@ -252,10 +252,8 @@ impl State {
     }
 
     fn release_all(&mut self) {
-        for number in std::mem::take(&mut self.held) {
-            if !self.keeps_levels {
-                self.pull(number);
-            }
+        for number in self.held.clone() {
+            self.release(number);
         }
     }
 

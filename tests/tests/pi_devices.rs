@@ -32,11 +32,10 @@ impl Pi {
         let rig = Rig::new(Options::with_eeprom(Vec::new()));
         let devices = PiDevices::new(folder.path(), &rig.board, keeps_levels).expect("devices");
         let usual = Path::new(env!("CARGO_MANIFEST_DIR")).join("../target/release/robot");
-        let program = std::env::var_os("ROBOT_PROGRAM").map_or(usual, PathBuf::from);
         Self {
             folder,
             devices,
-            program,
+            program: std::env::var_os("ROBOT_PROGRAM").map_or(usual, PathBuf::from),
             _rig: rig,
         }
     }

@@ -49,9 +49,8 @@ fn line(text: &str, name: &str) -> Option<Line> {
     let mut words = text.split_whitespace();
     (words.next()? == name).then_some(())?;
     let mut hexadecimal = || u64::from_str_radix(words.next()?, 16).ok();
-    let bits = [hexadecimal()?, hexadecimal()?, hexadecimal()?];
     Some(Line {
-        bits,
+        bits: [hexadecimal()?, hexadecimal()?, hexadecimal()?],
         curves: words.next()?.parse().ok()?,
         straight: words.next()?.parse().ok()?,
     })

@@ -55,13 +55,11 @@ impl Spread {
         let (Some(&min), Some(&max)) = (counts.iter().min(), counts.iter().max()) else {
             return Err("a measured function was never called".into());
         };
-        let mean = counts.iter().sum::<u64>() as f64 / counts.len() as f64;
-        let samples = counts.len();
         Ok(Self {
             min,
-            mean,
+            mean: counts.iter().sum::<u64>() as f64 / counts.len() as f64,
             max,
-            samples,
+            samples: counts.len(),
         })
     }
 }

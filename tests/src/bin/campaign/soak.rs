@@ -57,15 +57,13 @@ impl Disturbance {
     fn new(board: &Board, random: &mut Rng) -> Self {
         let mut random = Rng::new(random.next_u64());
         let next_s = seconds(board) + between(&mut random, PAUSE_S);
-        let (on, met, findings) = (None, Vec::new(), Vec::new());
-        let board = board.clone();
         Self {
-            board,
+            board: board.clone(),
             random,
-            on,
+            on: None,
             next_s,
-            met,
-            findings,
+            met: Vec::new(),
+            findings: Vec::new(),
         }
     }
 
@@ -139,16 +137,13 @@ impl Soak {
         let options = exploration::options(&room, Imperfections::default(), seed);
         let board = exploration::configured_board(elf, options)?;
         charge(&board);
-        let io = test_board::io(&board);
-        let random = Rng::stream(seed, 0x50A4);
-        let (explored, disturbed, findings) = (0, 0, 0);
         Ok(Self {
+            io: test_board::io(&board),
             board,
-            io,
-            random,
-            explored,
-            disturbed,
-            findings,
+            random: Rng::stream(seed, 0x50A4),
+            explored: 0,
+            disturbed: 0,
+            findings: 0,
         })
     }
 
