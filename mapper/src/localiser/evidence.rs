@@ -59,16 +59,18 @@ impl Evidence {
         }
     }
 
-    /// Whether a known surface lies between the sensor and the echo: a double bounce.
+    /// Whether a known surface that would not have answered lies between the sensor and the echo: a double bounce.
+    /// One that would have is gone.
     pub fn is_behind_wall(&self, element: &Element, beam: &Beam) -> bool {
         let point = element.point(beam);
         let from = element.sensor.position();
+        let heading_rad = (point - from).angle_rad();
         let reach = element.range_mm - 150.0;
         let mut away = 50.0;
         let mut hits = 0;
         while away < reach {
             let at = from.lerp(point, away / element.range_mm);
-            if self.grid.log_odds_at(at) > WALL {
+            if self.grid.log_odds_at(at) > WALL && self.is_oblique(at, heading_rad, beam) {
                 hits += 1;
                 if hits >= 2 {
                     return true;
@@ -341,15 +343,20 @@ mod tests {
     }
 
     #[test]
-    fn echo_is_behind_a_wall_of_two_cells_well_before_it() {
-        let mut evidence = evidence_of(&[]);
-        let is_behind = |evidence: &Evidence, range_mm| {
-            evidence.is_behind_wall(&echo(range_mm, Kind::Wall, 0.03), &BEAM)
-        };
-        evidence.occupy(Point::new(410.0, 1.0), 4.0);
-        assert!(!is_behind(&evidence, 1000.0));
-        evidence.occupy(Point::new(435.0, 1.0), 4.0);
-        assert!(is_behind(&evidence, 1000.0));
-        assert!(!is_behind(&evidence, 570.0));
+    fn echo_is_behind_an_oblique_wall_of_two_cells_well_before_it() {
+        for (facing_deg, is_oblique) in [(130.0f64, true), (180.0, false)] {
+            let mut evidence = evidence_of(&[]);
+            let mut occupy = |x_mm| {
+                let at = Point::new(x_mm, 1.0);
+                let towards_rad = (facing_deg + 180.0).to_radians();
+                evidence.surfaces.insert(at, towards_rad, Kind::Wall);
+                evidence.occupy(at, 4.0);
+                [1000.0, 570.0].map(|range_mm| {
+                    evidence.is_behind_wall(&echo(range_mm, Kind::Wall, 0.03), &BEAM)
+                })
+            };
+            assert_eq!(occupy(410.0), [false, false]);
+            assert_eq!(occupy(435.0), [is_oblique, false]);
+        }
     }
 }

@@ -131,8 +131,18 @@ fn echo_from_behind_a_wall_enters_nothing() {
         spread_rad: 0.03,
     };
     let mut localiser = Localiser::new(LocaliserConfig::default());
+    // Two walls that the sensor sees obliquely, entered from before them.
+    let towards_rad = 0.9;
+    let oblique = [490.0, 520.0].map(|x_mm| Element {
+        sensor: Pose2::at(
+            Pose2::new(x_mm, 0.0, towards_rad).point_at(-300.0, 0.0),
+            towards_rad,
+        ),
+        towards_rad,
+        ..wall(300.0)
+    });
     for _ in 0..12 {
-        localiser.enter(&[wall(490.0), wall(520.0)], &Pose2::default());
+        localiser.enter(&oblique, &Pose2::default());
     }
     localiser.enter(&[wall(1000.0)], &Pose2::default());
     let near = |x_mm| {
@@ -141,13 +151,15 @@ fn echo_from_behind_a_wall_enters_nothing() {
     };
     assert!(near(500.0) > 0 && near(1000.0) == 0);
     // Nor does it correct the pose, nor do echoes that contradict each other.
-    let behind = Point::new(1000.0, 0.0);
-    localiser.evidence.surfaces.insert(behind, 0.0, Kind::Wall);
+    for x_mm in [300.0, 1000.0] {
+        let at = Point::new(x_mm, 0.0);
+        localiser.evidence.surfaces.insert(at, 0.0, Kind::Wall);
+    }
     let covariance = Matrix3::from_diagonal(&Vector3::new(900.0, 900.0, 9e-4));
     for (ranges_mm, is_corrected) in [
         ([1000.0; 3], false),
-        ([400.0, 500.0, 640.0], false),
-        ([500.0; 3], true),
+        ([200.0, 300.0, 440.0], false),
+        ([300.0; 3], true),
     ] {
         localiser.ekf.relocate(&Vector3::zeros(), &covariance);
         localiser.correct(&[ranges_mm.map(wall); 3].concat());
