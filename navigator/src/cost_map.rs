@@ -36,8 +36,20 @@ pub(crate) struct Node {
     pub cell: Cell,
     /// On the driven way.
     pub driven: bool,
-    /// A beam that would have shown a wall has passed here.
-    pub seen: bool,
+    /// A beam that would have shown a wall has passed here, along the rows and across them.
+    pub seen: [bool; 2],
+}
+
+impl Node {
+    /// Whether any such beam has.
+    pub fn is_seen(&self) -> bool {
+        self.seen != [false; 2]
+    }
+
+    /// Such beams have passed it, too.
+    pub fn see(&mut self, [along, across]: [bool; 2]) {
+        self.seen = [self.seen[0] | along, self.seen[1] | across];
+    }
 }
 
 /// The lattice. Nodes are numbered row by row.
@@ -112,7 +124,7 @@ impl CostMap {
         for &point in driven.0 {
             for index in map.within(point, DRIVEN_MM + 0.5 * STEP_MM) {
                 map.nodes[index].driven = true;
-                map.nodes[index].seen = true;
+                map.nodes[index].seen = [true; 2];
             }
         }
         map
@@ -378,7 +390,7 @@ impl<'a> Field<'a> {
             known_mm: index.map_or(0.0, |index| distance_mm(self.known[index])),
             cell: index.map_or(Cell::Unknown, |index| self.cells[index]),
             driven: false,
-            seen: false,
+            seen: [false; 2],
         }
     }
 }

@@ -149,7 +149,8 @@ impl Driver {
 
     fn with_seen(&self, mut map: CostMap) -> CostMap {
         for index in 0..map.nodes.len() {
-            map.nodes[index].seen |= self.sight.is_seen_through(map.point(index));
+            let passed = self.sight.seen_through(map.point(index));
+            map.nodes[index].see(passed);
         }
         map
     }
@@ -297,9 +298,8 @@ impl Driver {
             }
         }
         let fastest_mm_s = speed_limit(follower, map, &self.config);
-        let clear = |from: Point, to: Point| {
-            map.line(from, to, |node| node.seen && passable(node, inflation_mm))
-        };
+        let is_clear = |node: &Node| node.is_seen() && passable(node, inflation_mm);
+        let clear = |from: Point, to: Point| map.line(from, to, is_clear);
         let fastest = (fastest_mm_s, self.config.yaw_rate_rad_s);
         let velocity = follower.step(&pose, fastest, clear)?;
         let held = velocity.forward_mm_s > BLOCKED.0 && status.speed_mm_s < BLOCKED.0;
@@ -372,7 +372,7 @@ fn speed_limit(follower: &Follower, map: &CostMap, config: &Config) -> f64 {
         }
         let (gain, slowest) = BY_CLEARANCE;
         let spare_mm = (node.clearance_mm - config.inflation_mm()).max(0.0);
-        let known = if node.seen && node.known_mm > UNKNOWN_NEAR_MM {
+        let known = if node.is_seen() && node.known_mm > UNKNOWN_NEAR_MM {
             config.cruise_mm_s
         } else {
             config.slow_mm_s

@@ -48,6 +48,8 @@ pub(crate) struct Target {
     pub view: usize,
     /// New floor behind it, m², or unseen surface, m.
     pub gain: f64,
+    /// Clearance of the ways to that floor, mm.
+    pub clearance_mm: f64,
 }
 
 /// The borders between known and unknown floor to which a robot of this clearance finds ways.
@@ -128,6 +130,7 @@ fn borders(
             centre,
             view,
             gain,
+            clearance_mm: floor.inflation_mm,
         }));
     }
     targets
@@ -169,6 +172,7 @@ pub(crate) fn unseen_surfaces(reach: &Reach, grid: &Grid, sight: &Sight) -> Vec<
             centre,
             view,
             gain,
+            clearance_mm: reach.inflation_mm,
         }));
     }
     targets

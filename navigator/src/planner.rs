@@ -44,7 +44,7 @@ fn cost(node: &Node, inflation_mm: f64) -> u32 {
     let ample_mm = AMPLE_MM.0.max(inflation_mm + AMPLE_MM.1);
     let lack = |mm: f64| ((ample_mm - mm) / (ample_mm - inflation_mm)).clamp(0.0, 2.0);
     let (tight, unknown) = (lack(node.clearance_mm), lack(node.known_mm + inflation_mm));
-    let unseen = if node.seen { 0.0 } else { 1.0 };
+    let unseen = if node.is_seen() { 0.0 } else { 1.0 };
     (STEP_MM * (1.0 + 2.0 * tight * tight + unknown + unseen)) as u32
 }
 
@@ -177,7 +177,7 @@ mod tests {
                 known_mm,
                 cell: Cell::Free,
                 driven: false,
-                seen,
+                seen: [false, seen],
             };
             assert_eq!(cost(&node, 120.0), expected, "{node:?}");
         }

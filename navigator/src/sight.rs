@@ -65,7 +65,8 @@ impl Squares {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Sight {
     surfaces: Squares,
-    floor: Squares,
+    /// Passed by beams along the walls' direction, and across it.
+    floor: [Squares; 2],
     /// Way at the echo, mm, and a place that it may have come from.
     echoes: Vec<(f64, Point)>,
     /// Way at every close echo, mm, and its place on the beam's axis with the beam's heading, whether the map has it
@@ -140,13 +141,14 @@ impl Sight {
         if (sensor.heading_rad - nearest_rad).abs() > NORMAL_RAD {
             return;
         }
+        let across = walls::is_across(nearest_rad, walls_rad);
         let reach = range_mm.map_or(FLOOR_REACH_MM, |range| range.min(FLOOR_REACH_MM));
         let mut ahead = 0.0;
         while ahead < reach {
             let aside = ahead * FLOOR_HALF_RAD;
             for left in [-aside, 0.0, aside] {
                 let key = Squares::key(sensor.point_at(ahead, left), FLOOR_MM);
-                self.floor.squares.insert(key);
+                self.floor[usize::from(across)].squares.insert(key);
             }
             ahead += 0.8 * FLOOR_MM;
         }
@@ -223,9 +225,10 @@ impl Sight {
         self.is_looked_at(point, self.slant_reach_mm())
     }
 
-    /// Whether a beam passed this floor.
-    pub fn is_seen_through(&self, point: Point) -> bool {
-        self.floor.squares.contains(&Squares::key(point, FLOOR_MM))
+    /// Whether beams along the walls' direction, and across it, passed this floor.
+    pub fn seen_through(&self, point: Point) -> [bool; 2] {
+        let key = Squares::key(point, FLOOR_MM);
+        [0, 1].map(|across: usize| self.floor[across].squares.contains(&key))
     }
 
     /// Whether a robot of this clearance may touch at a point what an unexplained echo came from.

@@ -46,6 +46,11 @@ pub(crate) fn nearest_rad(heading_rad: f64, walls_rad: f64) -> f64 {
     walls_rad + ((heading_rad - walls_rad) / FRAC_PI_2).round() * FRAC_PI_2
 }
 
+/// Whether one of these four directions is across the walls'.
+pub(crate) fn is_across(direction_rad: f64, walls_rad: f64) -> bool {
+    libm::sin(direction_rad - walls_rad).abs() > 0.5
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -167,7 +167,7 @@ fn body_frees_unknown_cells_around_the_way_and_marks_occupy() {
     }
     for (index, node) in map.nodes.iter().enumerate() {
         let is_near = map.point(index).distance_mm(way) <= DRIVEN_MM + 0.5 * STEP_MM;
-        assert_eq!((node.driven, node.seen), (is_near, is_near));
+        assert_eq!((node.driven, node.seen), (is_near, [is_near; 2]));
     }
 }
 

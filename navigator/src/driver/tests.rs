@@ -132,7 +132,7 @@ fn speed_is_limited_by_clearance_and_unknown_floor_ahead() {
         for index in 0..map.nodes.len() {
             let x_mm = map.point(index).x_mm;
             let node = &mut map.nodes[index];
-            (node.seen, node.known_mm, node.clearance_mm) = (true, 500.0, 500.0);
+            (node.seen, node.known_mm, node.clearance_mm) = ([false, true], 500.0, 500.0);
             change(node, x_mm);
         }
         let path = [212.5, 1812.5].map(|x_mm| Point::new(x_mm, 412.5));
@@ -142,7 +142,7 @@ fn speed_is_limited_by_clearance_and_unknown_floor_ahead() {
         assert!((found - expected).abs() < 1e-9, "{found} {expected}");
     };
     is(limit(|_, _| ()), 170.0);
-    is(limit(|node, _| node.seen = false), 90.0);
+    is(limit(|node, _| node.seen = [false; 2]), 90.0);
     is(limit(|node, _| node.known_mm = 110.0), 90.0);
     is(limit(|node, _| node.known_mm = 111.0), 170.0);
     is(limit(|node, _| node.clearance_mm = 170.0), 120.0);
@@ -373,7 +373,9 @@ fn look_ahead_cuts_no_corner_over_unseen_or_narrow_floor() {
         let path = path.map(|(x_mm, y_mm)| Point::new(x_mm, y_mm));
         driver.follower = Some(Follower::new(path.into()));
         let map = driver.map.as_mut().unwrap();
-        map.nodes.iter_mut().for_each(|node| node.seen = true);
+        map.nodes
+            .iter_mut()
+            .for_each(|node| node.seen = [true, false]);
         let corner = map.index(Point::new(262.5, 462.5)).unwrap();
         change(&mut map.nodes[corner]);
         let frame = status(0.5, Pose2::new(242.5, 412.5, 0.0));
@@ -381,7 +383,7 @@ fn look_ahead_cuts_no_corner_over_unseen_or_narrow_floor() {
     };
     // Beyond the corner it would turn on the spot.
     assert!(forward_mm_s(|_| ()).abs() < 1e-9);
-    assert!(forward_mm_s(|node| node.seen = false) > 10.0);
+    assert!(forward_mm_s(|node| node.seen = [false; 2]) > 10.0);
     assert!(forward_mm_s(|node| node.clearance_mm = 100.0) > 10.0);
 }
 
@@ -391,7 +393,7 @@ fn survey_knows_what_floor_a_beam_has_passed() {
     let frame = status(0.1, Pose2::new(200.0, 400.0, 0.0));
     driver.sight.observe(&frame, &driver.config, &grid, 0.0);
     let map = driver.survey(&grid, 0.2);
-    for (x_mm, y_mm, seen) in [(600.0, 400.0, true), (1500.0, 400.0, false)] {
+    for (x_mm, y_mm, seen) in [(600.0, 400.0, [true, false]), (1500.0, 400.0, [false; 2])] {
         let node = map.at(Point::new(x_mm, y_mm)).expect("on the grid");
         assert_eq!(node.seen, seen, "{x_mm}");
     }

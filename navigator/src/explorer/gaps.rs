@@ -1,5 +1,7 @@
 //! Gaps that are narrower than the robot on the map: the echoes of wide beams draw the ends of walls too long.
 
+use std::iter::successors;
+
 use geometry::Pose2;
 
 use super::{Explorer, Goal, SAME_MM, TRIES};
@@ -10,8 +12,10 @@ use crate::planner::Reach;
 
 /// Share of the clearance that the gaps have that are looked at last, the widest first, and unknown floor behind them,
 /// m²: wide beams draw the ends of walls too long, by a decimetre or two.
-const SHARES: [f64; 4] = [0.875, 0.75, 0.625, 0.5];
+const SHARES: [f64; 5] = [0.875, 0.75, 0.625, 0.5, 0.375];
 const GAP_GAIN_M2: f64 = 0.16;
+/// A beam has to have passed a gap of a lower share.
+const UNSEEN: f64 = 0.5;
 /// Fruitless looks nearer than this to a gap count as looks at it, mm: there the wall does not answer.
 const GAP_MM: f64 = 500.0;
 /// Time for gaps, s, which time for other targets that are reached gives back: a far one costs up to a minute. Cost of
@@ -24,12 +28,16 @@ const WAY_MM: f64 = 1000.0;
 const PASSES: usize = 5;
 
 impl Explorer {
-    /// The gaps to look at next: of the widest those with the fewest looks.
+    /// The gaps to look at next: of the widest those with the fewest looks, first those that a beam has passed,
+    /// whatever the time for gaps.
     pub(super) fn gaps(&self, pose: &Pose2, reach: &Reach) -> Vec<Target> {
-        // One that has shown twice the floor behind the gap was not in vain.
+        // One that has shown a wider gap, or twice the floor behind it, was not in vain.
+        let in_vain = |target: &Target, tried: &Target| {
+            target.clearance_mm <= tried.clearance_mm && target.gain <= 2.0 * tried.gain
+        };
         let looks = |target: &Target| {
             let near = self.tries(target.centre, GAP_MM);
-            near.filter(|tried| target.gain <= 2.0 * tried.gain).count()
+            near.filter(|tried| in_vain(target, tried)).count()
         };
         let left_mm = PACE * (GAPS_S - self.gaps_s);
         // The first may be anywhere.
@@ -37,16 +45,19 @@ impl Explorer {
             let cost = reach.cost(target.view);
             self.gaps_s <= 0.0 || cost.is_some_and(|cost| f64::from(cost) < left_mm)
         };
-        let of_width = |share: f64| {
+        let of_width = |passed: bool, share: f64| {
             let floor = Reach::new(reach.map, pose, share * reach.inflation_mm);
             let mut found = gaps(&floor, reach, &self.gap_views);
             found.retain(|target| looks(target) < TRIES && target.gain > GAP_GAIN_M2);
-            found.retain(is_near);
+            found.retain(|target| {
+                is_passed(reach, target) || !passed && share >= UNSEEN && is_near(target)
+            });
             let fewest = found.iter().map(looks).min();
             found.retain(|target| Some(looks(target)) == fewest);
             found
         };
-        let mut found = SHARES.into_iter().map(of_width);
+        let of_widths = |passed| SHARES.into_iter().map(move |share| of_width(passed, share));
+        let mut found = [true, false].into_iter().flat_map(of_widths);
         found.find(|found| !found.is_empty()).unwrap_or_default()
     }
 
@@ -73,6 +84,7 @@ impl Explorer {
             let floor = Reach::new(reach.map, &status.estimate.pose, width_mm);
             let found = gaps(&floor, reach, &[]).into_iter();
             let found = found.filter(|gap| is_here(&gap) && gap.gain > GAP_GAIN_M2);
+            let found = found.filter(|gap| share >= UNSEEN || is_passed(reach, gap));
             let nodes = found.filter_map(|gap| Some((floor.nearest(gap.centre, SAME_MM)?, gap)));
             let (node, gap) = nodes.min_by_key(|&(node, _)| floor.cost(node))?;
             let way_mm = Follower::new(floor.path(node)).remaining_mm();
@@ -86,4 +98,16 @@ impl Explorer {
         self.goal = Goal::Pass(gap);
         true
     }
+}
+
+/// Whether beams that a wall in the gap would have answered have gone through, straight from the robot's floor to the
+/// middle of what is beyond.
+fn is_passed(reach: &Reach, gap: &Target) -> bool {
+    let map = reach.map;
+    (0..4).any(|back| {
+        let line = successors(map.index(gap.centre), |&index| map.neighbour(index, back));
+        let is_seen = |&index: &usize| map.nodes[index].seen[back % 2];
+        let mut seen = line.take_while(is_seen);
+        seen.any(|index| reach.cost(index).is_some())
+    })
 }

@@ -113,12 +113,19 @@ fn contact_of_close_echo_is_where_body_touches_it() {
 
 #[test]
 fn floor_counts_as_seen_through_along_walls_alone() {
-    for (heading_rad, seen) in [(0.1, true), (0.35, false), (0.8, false), (-1.5, true)] {
+    let (along, across, none) = ([true, false], [false, true], [false; 2]);
+    for (heading_rad, seen) in [
+        (0.1, along),
+        (3.0, along),
+        (0.35, none),
+        (0.8, none),
+        (-1.5, across),
+    ] {
         let mut sight = Sight::default();
         let sensor = Pose2::new(0.0, 0.0, heading_rad);
         sight.see_floor(&sensor, Some(500.0), 0.0);
-        assert_eq!(sight.is_seen_through(sensor.point_at(400.0, 0.0)), seen);
-        assert!(!sight.is_seen_through(sensor.point_at(600.0, 0.0)));
+        assert_eq!(sight.seen_through(sensor.point_at(400.0, 0.0)), seen);
+        assert_eq!(sight.seen_through(sensor.point_at(600.0, 0.0)), none);
     }
 }
 
@@ -130,7 +137,7 @@ fn silence_is_a_measurement_of_its_own_after_a_while() {
         let status = status(time_s, Pose2::new(0.0, y_mm, 0.0));
         sight.observe(&status, &config, &grid, 0.0);
         // The sensor is 80 mm ahead.
-        sight.is_seen_through(Point::new(820.0, y_mm))
+        sight.seen_through(Point::new(820.0, y_mm))[0]
     };
     assert!(is_seen(1.0, 0.0) && !is_seen(1.05, 300.0) && is_seen(1.061, 600.0));
 }
@@ -200,7 +207,7 @@ fn beam_sees_floor_as_wide_as_it_is() {
         (840.0, 0.0, false),
     ] {
         let point = Point::new(x_mm, 25.0 + aside_mm);
-        assert_eq!(sight.is_seen_through(point), seen, "{point:?}");
+        assert_eq!(sight.seen_through(point), [seen, false], "{point:?}");
     }
 }
 
