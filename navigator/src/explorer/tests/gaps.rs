@@ -57,7 +57,7 @@ fn widest_gaps_are_looked_at_first_and_each_twice() {
 }
 
 #[test]
-fn gap_that_a_beam_has_passed_comes_first_however_narrow_and_whatever_the_time() {
+fn passed_gap_comes_first_however_narrow_and_late() {
     let grid = room(&[(500.0, 125.0), (1500.0, 275.0)]);
     let first = |gaps_s, (mut explorer, status): (Explorer, Status)| {
         explorer.gaps_s = gaps_s;
