@@ -24,6 +24,8 @@ const NEAR_MM: [f64; 3] = [700.0, 500.0, 500.0];
 const CONE_RAD: f64 = 0.24;
 /// A later reading within this of a point's direction that reaches this much farther refutes it.
 const REFUTED: (f64, f64) = (0.15, 80.0);
+/// The same for a close echo, which came from anywhere in its beam: one along its axis, radians.
+const SAME_AXIS_RAD: f64 = 0.08;
 /// Echoes are forgotten after this way, mm, a turn of one radian counting as 400 mm: then they are
 /// in the map.
 const MEMORY_MM: f64 = 700.0;
@@ -168,13 +170,14 @@ impl Sight {
     /// An echo refutes earlier ones nearer on its axis, and a near one is remembered unless the map
     /// has a surface there.
     pub fn see_near(&mut self, sensor: &Pose2, range_mm: f64, near_mm: f64, grid: &Grid) -> bool {
-        let stands = |point: Point| {
+        let stands = |point: Point, within_rad: f64| {
             let local = Pose2::at(point, 0.0).relative_to(sensor).position();
             let off = wrap_angle(local.angle_rad()).abs();
-            off > REFUTED.0 || local.length_mm() > range_mm - REFUTED.1
+            off > within_rad || local.length_mm() > range_mm - REFUTED.1
         };
-        self.echoes.retain(|&(_, point)| stands(point));
-        self.close.retain(|(_, beam)| stands(beam.position()));
+        self.echoes.retain(|&(_, point)| stands(point, REFUTED.0));
+        self.close
+            .retain(|(_, beam)| stands(beam.position(), SAME_AXIS_RAD));
         if range_mm < CLOSE_MM {
             let place = sensor.point_at(range_mm, 0.0);
             self.close

@@ -105,7 +105,11 @@ fn contact_of_close_echo_is_where_body_touches_it() {
     sight.see_near(&ahead(0.0), 340.0, 700.0, &grid);
     let nearest = sight.contact(&robot, 100.0);
     assert_eq!(nearest, Some((way_mm, point)));
-    // A later reading through the place refutes it.
+    // A later reading through the place refutes it, one beside its axis does not: the echo may have come from there.
+    for bearing_rad in [-0.5, -0.7] {
+        sight.see_near(&ahead(bearing_rad), 600.0, 700.0, &grid);
+        assert_eq!(sight.contact(&robot, 100.0), nearest);
+    }
     sight.see_near(&ahead(-0.6), 600.0, 700.0, &grid);
     let left = sight.contact(&robot, 100.0);
     assert!(left.is_some_and(|(mm, _)| mm > 300.0));
