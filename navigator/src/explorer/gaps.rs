@@ -45,20 +45,29 @@ impl Explorer {
             let cost = reach.cost(target.view);
             self.gaps_s <= 0.0 || cost.is_some_and(|cost| f64::from(cost) < left_mm)
         };
-        let of_width = |passed: bool, share: f64| {
+        let of_widths = SHARES.map(|share| {
             let floor = Reach::new(reach.map, pose, share * reach.inflation_mm);
             let mut found = gaps(&floor, reach, &self.gap_views);
             found.retain(|target| looks(target) < TRIES && target.gain > GAP_GAIN_M2);
-            found.retain(|target| {
-                is_passed(reach, target) || !passed && share >= UNSEEN && is_near(target)
+            (share, found)
+        });
+        let widest = |passed: bool| {
+            let mut of_widths = of_widths.iter().map(|(share, found)| {
+                let mut found = found.clone();
+                found.retain(|target| {
+                    if passed {
+                        is_passed(reach, target)
+                    } else {
+                        *share >= UNSEEN && is_near(target)
+                    }
+                });
+                let fewest = found.iter().map(looks).min();
+                found.retain(|target| Some(looks(target)) == fewest);
+                found
             });
-            let fewest = found.iter().map(looks).min();
-            found.retain(|target| Some(looks(target)) == fewest);
-            found
+            of_widths.find(|found| !found.is_empty())
         };
-        let of_widths = |passed| SHARES.into_iter().map(move |share| of_width(passed, share));
-        let mut found = [true, false].into_iter().flat_map(of_widths);
-        found.find(|found| !found.is_empty()).unwrap_or_default()
+        widest(true).or_else(|| widest(false)).unwrap_or_default()
     }
 
     /// Goes through the gap that was just looked at, where only the map is too narrow for it. Returns whether a way
