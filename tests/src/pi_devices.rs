@@ -157,6 +157,9 @@ fn serve(mut program: UnixStream, state: &Mutex<State>) -> io::Result<()> {
         let mut bytes = vec![0; length as usize];
         program.read_exact(&mut bytes)?;
         let answer = lock(state).answer(kind, number, &bytes);
+        // The kernel answers when the wire is done: a sleep after it is one of the board, too.
+        let [board, computer] = lock(state).times();
+        thread::sleep(board.saturating_sub(computer));
         let (cause, bytes) = answer.map_or_else(|cause| (cause, Vec::new()), |bytes| (0, bytes));
         let length = u32::try_from(bytes.len()).unwrap_or(u32::MAX);
         let head = [cause, length].map(u32::to_ne_bytes).concat();
@@ -175,11 +178,17 @@ fn numbers<const N: usize>(from: &mut impl Read) -> io::Result<[u32; N]> {
 }
 
 impl State {
+    /// The board's time and the computer's, since the board had its power.
+    fn times(&self) -> [Duration; 2] {
+        let board = Duration::from_micros(self.board.now_us());
+        [board, self.begun.elapsed()]
+    }
+
     /// Lets the board's time come up with the computer's, and writes the log.
     fn catch_up(&mut self) {
-        let due = self.begun.elapsed().as_micros();
-        let due = u64::try_from(due).unwrap_or(u64::MAX);
-        self.board.run_us(due.saturating_sub(self.board.now_us()));
+        let [board, computer] = self.times();
+        let due = computer.saturating_sub(board).as_micros();
+        self.board.run_us(u64::try_from(due).unwrap_or(u64::MAX));
         let fresh = self.board.uart_from(self.logged);
         self.logged += fresh.len();
         self.log
