@@ -312,10 +312,8 @@ impl Explorer {
         // Requirement: NAV-explore-2
         if deviation_mm > config.lost_mm && status.time_s - self.returned_s > ANCHORS.1 {
             self.returned_s = status.time_s;
-            let known = self
-                .anchors
-                .iter()
-                .filter(|&&(_, then_mm)| then_mm < 0.5 * deviation_mm);
+            let well = |&&(_, then_mm): &&(Point, f64)| then_mm < 0.5 * deviation_mm;
+            let known = self.anchors.iter().filter(well);
             let nodes = known.filter_map(|&(point, _)| reach.nearest(point, SAME_MM));
             if let Some(node) = nodes.min_by_key(|&node| reach.cost(node)) {
                 self.driver.follow(&reach, node, status.time_s);

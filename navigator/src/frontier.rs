@@ -61,11 +61,8 @@ pub(crate) fn frontiers(reach: &Reach) -> Vec<Target> {
 /// The borders to which only a robot of this clearance would find ways, `floor`; each is looked at from where
 /// `reach` leads, apart from the places that earlier ones were looked at from.
 pub(crate) fn gaps(floor: &Reach, reach: &Reach, viewed: &[Point]) -> Vec<Target> {
-    let is_apart = |from: Point| {
-        viewed
-            .iter()
-            .all(|other| other.distance_mm(from) > APART_MM)
-    };
+    let is_near = |from: Point, other: &Point| other.distance_mm(from) <= APART_MM;
+    let is_apart = |from| !viewed.iter().any(|other| is_near(from, other));
     let view = |centre| view_of(centre, GAP_VIEW_MM, reach, is_apart);
     borders(Kind::Gap, floor, reach, view)
 }
@@ -275,10 +272,8 @@ mod tests {
         let (found, _) = targets(&HALF, |_| {});
         assert_eq!(found.len(), 1, "{found:?}");
         let centre = found[0].centre;
-        assert!(
-            centre.distance_mm(Point::new(1000.0, 400.0)) < 100.0,
-            "{centre:?}"
-        );
+        let off_mm = centre.distance_mm(Point::new(1000.0, 400.0));
+        assert!(off_mm < 100.0, "{centre:?}");
         assert!(found[0].gain > 0.05 && found[0].gain < 0.5, "{found:?}");
         let closed = HALF.map(|row| row.replace(".          ", "#          "));
         let closed: Vec<&str> = closed.iter().map(String::as_str).collect();
@@ -315,24 +310,16 @@ mod tests {
             let wall = "#".repeat(18);
             let row = |door: &str| format!("#........{door}{behind}#");
             let rows = ["#", "#", ".", ".", "#", "#"].map(row);
-            let rows: Vec<&str> = [&wall]
-                .into_iter()
-                .chain(&rows)
-                .chain([&wall])
-                .map(String::as_str)
-                .collect();
+            let rows = [&wall].into_iter().chain(&rows).chain([&wall]);
+            let rows: Vec<&str> = rows.map(String::as_str).collect();
             let map = CostMap::new(&draw(&rows), 0.0, &[], (&[], 100.0));
             let from =
                 |clearance_mm| Reach::new(&map, &Pose2::new(400.0, 400.0, 0.0), clearance_mm);
             let (reach, floor) = (from(120.0), from(60.0));
             let found = gaps(&floor, &reach, &[]);
             assert_eq!(!found.is_empty(), is_target, "{found:?}");
-            assert!(
-                found
-                    .iter()
-                    .all(|target| reach.cost(target.view).is_some() && target.gain > 0.3),
-                "{found:?}"
-            );
+            let is_large = |gap: &Target| reach.cost(gap.view).is_some() && gap.gain > 0.3;
+            assert!(found.iter().all(is_large), "{found:?}");
         }
     }
 

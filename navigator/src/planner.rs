@@ -52,15 +52,12 @@ impl<'a> Reach<'a> {
     /// All ways from `pose` with at least `inflation_mm` of clearance.
     pub fn new(map: &'a CostMap, pose: &Pose2, inflation_mm: f64) -> Self {
         let at = pose.position();
+        let off_mm = |index: usize| map.point(index).distance_mm(at);
         let nearest = map
             .within(at, inflation_mm + ESCAPE_MM)
             .into_iter()
             .filter(|&index| passable(&map.nodes[index], inflation_mm))
-            .min_by(|&a, &b| {
-                map.point(a)
-                    .distance_mm(at)
-                    .total_cmp(&map.point(b).distance_mm(at))
-            });
+            .min_by(|&a, &b| off_mm(a).total_cmp(&off_mm(b)));
         let quarter = ((pose.heading_rad - map.direction_rad()) / FRAC_PI_2).round();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 0..4
         let direction = quarter.rem_euclid(4.0) as usize % 4;

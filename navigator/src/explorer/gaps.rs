@@ -28,8 +28,8 @@ const WAY_MM: f64 = 1000.0;
 const PASSES: usize = 5;
 
 impl Explorer {
-    /// The gaps to look at next: of the widest those with the fewest looks, first those that a beam has passed,
-    /// whatever the time for gaps.
+    /// The gaps to look at next, at every place the widest: those that a beam has passed, whatever the time for gaps,
+    /// or else those near enough.
     pub(super) fn gaps(&self, pose: &Pose2, reach: &Reach) -> Vec<Target> {
         // One that has shown a wider gap, or twice the floor behind it, was not in vain.
         let in_vain = |target: &Target, tried: &Target| {
@@ -45,29 +45,28 @@ impl Explorer {
             let cost = reach.cost(target.view);
             self.gaps_s <= 0.0 || cost.is_some_and(|cost| f64::from(cost) < left_mm)
         };
-        let of_widths = SHARES.map(|share| {
+        let of_width = |share: f64| {
             let floor = Reach::new(reach.map, pose, share * reach.inflation_mm);
-            let mut found = gaps(&floor, reach, &self.gap_views);
-            found.retain(|target| looks(target) < TRIES && target.gain > GAP_GAIN_M2);
-            (share, found)
-        });
-        let widest = |passed: bool| {
-            let mut of_widths = of_widths.iter().map(|(share, found)| {
-                let mut found = found.clone();
-                found.retain(|target| {
-                    if passed {
-                        is_passed(reach, target)
-                    } else {
-                        *share >= UNSEEN && is_near(target)
-                    }
-                });
-                let fewest = found.iter().map(looks).min();
-                found.retain(|target| Some(looks(target)) == fewest);
-                found
-            });
-            of_widths.find(|found| !found.is_empty())
+            gaps(&floor, reach, &self.gap_views)
         };
-        widest(true).or_else(|| widest(false)).unwrap_or_default()
+        let mut found: Vec<Target> = SHARES.into_iter().flat_map(of_width).collect();
+        found.retain(|target| looks(target) < TRIES && target.gain > GAP_GAIN_M2);
+        let widest = |counts: &dyn Fn(&Target) -> bool| {
+            let mut widest: Vec<Target> = Vec::new();
+            for target in found.iter().filter(|target| counts(target)) {
+                let off_mm = |other: &Target| other.centre.distance_mm(target.centre);
+                if widest.iter().all(|other| off_mm(other) >= GAP_MM) {
+                    widest.push(*target);
+                }
+            }
+            widest
+        };
+        let passed = widest(&|target| is_passed(reach, target));
+        let is_wide = |target: &Target| target.clearance_mm >= UNSEEN * reach.inflation_mm;
+        let near = || widest(&|target| is_wide(target) && is_near(target));
+        Some(passed)
+            .filter(|passed| !passed.is_empty())
+            .unwrap_or_else(near)
     }
 
     /// Goes through the gap that was just looked at, where only the map is too narrow for it. Returns whether a way
@@ -110,13 +109,18 @@ impl Explorer {
 }
 
 /// Whether beams that a wall in the gap would have answered have gone through, straight from the robot's floor to the
-/// middle of what is beyond.
-fn is_passed(reach: &Reach, gap: &Target) -> bool {
+/// middle of what is beyond, and beside it.
+pub(super) fn is_passed(reach: &Reach, gap: &Target) -> bool {
     let map = reach.map;
-    (0..4).any(|back| {
-        let line = successors(map.index(gap.centre), |&index| map.neighbour(index, back));
-        let is_seen = |&index: &usize| map.nodes[index].seen[back % 2];
-        let mut seen = line.take_while(is_seen);
+    let leads = |node: usize, back: usize| {
+        let line = successors(Some(node), |&index| map.neighbour(index, back));
+        let mut seen = line.take_while(|&index| map.nodes[index].seen[back % 2]);
         seen.any(|index| reach.cost(index).is_some())
-    })
+    };
+    let beside = |node: usize, back: usize| {
+        let aside = [back + 1, back + 3].map(|aside| map.neighbour(node, aside % 4));
+        aside.into_iter().flatten().any(|node| leads(node, back))
+    };
+    let passed = |node: usize| (0..4).any(|back| leads(node, back) && beside(node, back));
+    map.index(gap.centre).is_some_and(passed)
 }

@@ -1,6 +1,7 @@
 //! Which gaps are looked at and gone through.
 
 use super::*;
+use crate::explorer::gaps::is_passed;
 use crate::follower::Follower;
 
 /// The front sensor has looked from these poses, as far as 1.3 m.
@@ -23,7 +24,7 @@ fn looked_through(grid: &Grid, y_mm: f64) -> (Explorer, Status) {
 }
 
 #[test]
-fn widest_gaps_are_looked_at_first_and_each_twice() {
+fn gap_is_looked_at_twice_and_again_once_it_has_shown_more() {
     let grid = room(&[(500.0, 150.0), (1500.0, 275.0)]);
     let (mut explorer, status) = explorer();
     let chosen = |explorer: &mut Explorer| {
@@ -140,16 +141,39 @@ fn gaps_are_left_when_the_time_for_them_is_spent() {
 }
 
 #[test]
-fn gap_with_fewer_looks_comes_first() {
-    let grid = room(&[(500.0, 225.0), (1500.0, 225.0)]);
-    for tried_y_mm in [500.0, 1500.0] {
-        let (mut explorer, status) = explorer();
-        let tried = target(Kind::Gap, 1050.0, tried_y_mm);
-        explorer.tries.push(tried);
+fn gaps_of_any_width_are_looked_at_on_one_way() {
+    let grid = room(&[(500.0, 150.0), (1500.0, 275.0)]);
+    for at_mm in [500.0, 1500.0] {
+        let (mut explorer, mut status) = explorer();
+        status.estimate.pose.y_mm = at_mm;
         explorer.choose(&grid, &status);
-        let Goal::Approach(found) = explorer.goal else {
-            panic!("{:?}", explorer.goal);
-        };
-        assert!(found.centre.distance_mm(tried.centre) > 500.0, "{found:?}");
+        // The wide one is none of the narrow ones, too.
+        assert_eq!(explorer.targets(), 2);
+        let near = |target: Target| (target.centre.y_mm - at_mm).abs() < 100.0;
+        assert!(matches!(explorer.goal, Goal::Approach(found) if near(found)));
+    }
+}
+
+#[test]
+fn gap_is_passed_along_two_lines_side_by_side() {
+    let grid = room(&[(1500.0, 225.0)]);
+    let gap = target(Kind::Gap, 1050.0, 1500.0);
+    for (rows, passed) in [
+        (&[0][..], false),
+        (&[0, 1], true),
+        (&[0, -1], true),
+        (&[0, 2], false),
+        (&[1, 2], false),
+    ] {
+        let mut map = CostMap::new(&grid, 0.0, &[], (&[], 100.0));
+        let middle = map.index(gap.centre).expect("on the map");
+        for &row in rows {
+            for column in 0..8 {
+                let up = row * map.columns.cast_signed() - column;
+                map.nodes[middle.strict_add_signed(up)].seen[0] = true;
+            }
+        }
+        let reach = Reach::new(&map, &Pose2::new(500.0, 1500.0, 0.0), 120.0);
+        assert_eq!(is_passed(&reach, &gap), passed, "{rows:?}");
     }
 }
