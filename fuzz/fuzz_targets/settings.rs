@@ -67,7 +67,8 @@ fn check(text: &str, touched: Option<usize>) {
                 }
                 Error::Rejected(location, what) => {
                     assert!(location.ends_with(')'), "no field is named: {text}");
-                    assert!(what.contains("accepted: "), "{text}");
+                    let accepted = [", accepted: ", ", accepted is "];
+                    assert!(accepted.iter().any(|is| what.contains(is)), "{text}");
                 }
                 other => panic!("{other}"),
             }
