@@ -10,7 +10,7 @@ use crate::follower::Follower;
 use crate::frontier::{Kind, Target, gaps};
 use crate::planner::Reach;
 
-/// Share of the clearance that the gaps have that are looked at last, the widest first, and unknown floor behind them,
+/// Shares of the clearance that gaps have, the widest first, which are looked at last, and unknown floor behind them,
 /// m²: wide beams draw the ends of walls too long, by a decimetre or two.
 const SHARES: [f64; 5] = [0.875, 0.75, 0.625, 0.5, 0.375];
 const GAP_GAIN_M2: f64 = 0.16;
