@@ -101,7 +101,8 @@ impl Copy<'_> {
         sh.write_file(&file, defect.applied(&good)?)?;
         let noticed = self.noticed(defect);
         sh.write_file(&file, good)?;
-        noticed?.with_context(|| format!("{} is not noticed: {}", defect.name, defect.description))
+        let noticed = noticed.context(defect.name.clone())?;
+        noticed.with_context(|| format!("{} is not noticed: {}", defect.name, defect.description))
     }
 
     fn noticed(&self, defect: &Defect) -> Result<Option<String>> {
@@ -139,8 +140,8 @@ impl Copy<'_> {
 /// The first test that failed, or `None` where all passed.
 fn failures(tests: Cmd<'_>) -> Result<Option<String>> {
     let (success, text) = process::tee(tests)?;
-    let ran = pattern(r"(?m)^test result: .*\. ([1-9]\d* passed|\d+ passed; [1-9])");
-    ensure!(ran.is_match(&text), "no test ran: does the defect compile?");
+    let ran = pattern(r"(?m)^running [1-9]\d* tests?$").is_match(&text);
+    ensure!(ran, "no test ran: does the defect compile?");
     let failed = pattern(r"(?m)^test (.*) \.\.\. FAILED$").captures(&text);
     let aborted = (!success).then(|| "an aborted test".to_owned());
     Ok(failed.map(|line| line[1].to_owned()).or(aborted))
