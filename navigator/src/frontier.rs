@@ -1,6 +1,6 @@
 //! Places worth going to: borders of the unknown, and surfaces that were seen from afar alone.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
 
 use geometry::Point;
 use mapper::{Cell, Grid};
@@ -104,13 +104,10 @@ fn borders(
         let is_floor = node.cell == Cell::Unknown || node.clearance_mm >= reach.inflation_mm;
         is_floor && is_new(index)
     };
-    let mut border: Vec<usize> = floor
-        .nodes()
-        .flat_map(|index| map.neighbours(index))
-        .filter(|&index| is_border(index))
-        .collect();
-    border.sort_unstable();
-    border.dedup();
+    let beside = floor.nodes().flat_map(|index| map.neighbours(index));
+    // In order and each once.
+    let border: BTreeSet<usize> = beside.filter(|&index| is_border(index)).collect();
+    let border = Vec::from_iter(border);
     let points: Vec<Point> = border.iter().map(|&index| map.point(index)).collect();
     let mut targets = Vec::new();
     for group in groups(&points, 1.5 * STEP_MM) {

@@ -49,7 +49,7 @@ impl GoTo {
         match self.driver.step(grid, status) {
             Step::Act(action) => return action,
             Step::Arrived if self.follows => return Action::Done(Outcome::Complete),
-            Step::Arrived | Step::Interrupted => self.follows = false,
+            Step::Arrived | Step::Interrupted => {}
         }
         let left_mm = self.target.distance_mm(status.estimate.pose.position());
         if left_mm < self.nearest_mm - NEARER_MM {
@@ -212,5 +212,24 @@ mod tests {
         step(3000.0, 300.0, None);
         let action = step(3002.0, 300.0, None);
         assert_eq!(action, Action::Done(Outcome::Unreachable));
+    }
+
+    #[test]
+    fn plans_are_counted_from_where_they_brought_the_robot_nearer() {
+        let grid = draw(&["...................."; 8]);
+        for (nearer_mm, plans) in [(99.0, PLANS), (101.0, 5 + PLANS)] {
+            let config = Config {
+                rest_s: 0.0,
+                ..Config::default()
+            };
+            let mut plan = GoTo::new(config, Point::new(1500.0, 400.0));
+            let given_up = (0..20).find(|&nth| {
+                let x_mm = 300.0 + nearer_mm * f64::from(nth.min(5));
+                (plan.follows, plan.driver.follower) = (false, None);
+                let report = status(f64::from(nth), Pose2::new(x_mm, 400.0, 0.0));
+                plan.step(&grid, &report) == Action::Done(Outcome::Unreachable)
+            });
+            assert_eq!(given_up, Some(plans), "{nearer_mm}");
+        }
     }
 }

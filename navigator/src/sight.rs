@@ -4,7 +4,7 @@
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 
 use geometry::{Point, Pose2, wrap_angle};
-use mapper::Grid;
+use mapper::{Cell, Grid};
 use rustc_hash::FxHashSet;
 
 use crate::{Config, Status, walls};
@@ -290,20 +290,12 @@ impl Sight {
 
 fn is_occupied_near(grid: &Grid, point: Point, within_mm: f64) -> bool {
     let cell_mm = grid.cell_mm();
-    let reach = (within_mm / cell_mm).floor().max(1.0);
-    let mut dy = -reach;
-    while dy <= reach {
-        let mut dx = -reach;
-        while dx <= reach {
-            let at = Point::new(point.x_mm + dx * cell_mm, point.y_mm + dy * cell_mm);
-            if grid.cell_at(at) == mapper::Cell::Occupied {
-                return true;
-            }
-            dx += 1.0;
-        }
-        dy += 1.0;
-    }
-    false
+    #[allow(clippy::cast_possible_truncation)] // a few
+    let reach = (within_mm / cell_mm).floor().max(1.0) as i32;
+    let offsets = || (-reach..=reach).map(|cells| f64::from(cells) * cell_mm);
+    offsets().any(|x_mm| {
+        offsets().any(|y_mm| grid.cell_at(point + Point::new(x_mm, y_mm)) == Cell::Occupied)
+    })
 }
 
 #[cfg(test)]

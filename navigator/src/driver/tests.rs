@@ -122,6 +122,7 @@ fn stop_repeated_at_one_place_turns_about() {
             step => assert_eq!((step, turns), (Step::Interrupted, false)),
         }
     }
+    assert_eq!(driver.stopped.2, 1, "stops are counted, reports are not");
 }
 
 #[test]
@@ -234,26 +235,23 @@ fn stop_marks_its_place_and_goes_back_within_what_was_driven() {
             assert!(at.distance_mm(expected) < 1e-6, "{at:?}");
         }
         driver.queue.clear();
-        assert_eq!(
-            driver.step(&grid, &status(0.4, pose(way_mm))),
-            Step::Interrupted
-        );
-        assert_eq!(
-            driver.step(&grid, &status(0.5, pose(way_mm))),
-            Step::Arrived
-        );
+        let steps = [0.4, 0.5].map(|time_s| driver.step(&grid, &status(time_s, pose(way_mm))));
+        assert_eq!(steps, [Step::Interrupted, Step::Arrived]);
         assert!(driver.held);
         driver.step(&grid, &status(0.55, pose(way_mm + 90.0)));
         assert!(driver.held, "it was pushed");
         driver.step(&grid, &status(0.6, pose(way_mm + 100.0)));
         assert!(!driver.held, "it has left the place");
-        // The marks are obstacles for a while.
+        // The marks are obstacles for a while, unless they are forgotten.
         let is_marked = |driver: &mut Driver, time_s| {
             let map = driver.survey(&grid, time_s);
             let ahead = map.at(pose(way_mm).point_at(120.0, 0.0)).copied();
             ahead.expect("on the grid").clearance_mm < 60.0
         };
-        assert!(is_marked(&mut driver, 399.0) && !is_marked(&mut driver, 401.0));
+        let mut forgetful = driver.clone();
+        forgetful.forget_marks();
+        assert!(is_marked(&mut driver, 399.0) && !is_marked(&mut forgetful, 399.0));
+        assert!(!is_marked(&mut driver, 401.0));
     }
     // A plan that took longer than the stop deadline is followed.
     let (mut driver, grid) = under_way(1.0);

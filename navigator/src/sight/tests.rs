@@ -18,6 +18,8 @@ fn echo_is_remembered_until_map_or_later_echo_explains_it() {
     // Beyond the axis' middle part, the places stay possible.
     assert!(!sight.see_near(&sensor, 900.0, 700.0, &empty));
     assert_eq!(sight.unexplained().count(), 4);
+    sight.forget_unexplained();
+    assert_eq!(sight.unexplained().count(), 0);
 }
 
 #[test]
@@ -219,21 +221,24 @@ fn beam_sees_floor_as_wide_as_it_is() {
 fn echo_comes_from_its_arc_unless_the_map_has_a_cell_near() {
     let sensor = Pose2::new(0.0, 250.0, 0.0);
     // Within 40 mm and a tenth of the range of the arc at 400 mm.
-    for (x_mm, is_explained) in [(300.0, false), (335.0, true), (470.0, true), (505.0, false)] {
-        let cell = Point::new(x_mm, 250.0);
+    for (x_mm, y_mm, is_explained) in [
+        (300.0, 250.0, false),
+        (335.0, 250.0, true),
+        (470.0, 250.0, true),
+        (505.0, 250.0, false),
+        // Beside the arc's ends.
+        (388.0, 405.0, true),
+        (388.0, 95.0, true),
+        (388.0, 455.0, false),
+        (388.0, 45.0, false),
+    ] {
+        let cell = Point::new(x_mm, y_mm);
         let grid = Grid::from_fn(25.0, Point::new(0.0, 0.0), Point::new(900.0, 500.0), |at| {
-            if at.distance_mm(cell) < 17.0 {
-                4.0
-            } else {
-                0.0
-            }
+            f32::from(u8::from(at.distance_mm(cell) < 17.0)) * 4.0
         });
         let mut sight = Sight::default();
-        assert_eq!(
-            !sight.see_near(&sensor, 400.0, 700.0, &grid),
-            is_explained,
-            "{x_mm}"
-        );
+        let is_unexplained = sight.see_near(&sensor, 400.0, 700.0, &grid);
+        assert_eq!(is_unexplained, !is_explained, "{cell:?}");
         let arc = [-0.24f64, -0.12, 0.0, 0.12, 0.24];
         let places: Vec<Point> = sight.unexplained().collect();
         assert_eq!(places.len(), if is_explained { 0 } else { 5 });
