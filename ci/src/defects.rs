@@ -2,22 +2,20 @@
 //! stack, the Pi), to see that some gate notices. They are in `ci/defects.toml`.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::Path;
 
 use regex_lite::escape;
 use serde::Deserialize;
 use xshell::Cmd;
 
-use crate::elf::{BANNED, Elf};
+use crate::elf::{Elf, banned};
 use crate::error::{Context, Kind, Result, bail, ensure, fail};
 use crate::process::{self, pattern};
 use crate::session::Session;
 use crate::stack;
 
-/// Where the defects are.
 const FILE: &str = "ci/defects.toml";
 
-/// One defect.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Defect {
@@ -85,53 +83,44 @@ impl Defect {
         };
         Ok([&source[..place.start], &self.to, &source[place.end..]].concat())
     }
-}
 
-/// A copy of the workspace to change.
-struct Copy<'a> {
-    session: &'a Session,
-    root: PathBuf,
-}
-
-impl Copy<'_> {
-    /// Puts a defect in, asks who must notice, and takes it out again; what noticed it.
-    fn try_one(&self, defect: &Defect) -> Result<String> {
-        let (sh, file) = (&self.session.sh, self.root.join(&defect.file));
+    /// Puts the defect into a copy of the workspace, asks who must notice, and takes it out again; what
+    /// noticed it.
+    fn try_in(&self, session: &Session, copy: &Path) -> Result<String> {
+        let (sh, file) = (&session.sh, copy.join(&self.file));
         let good = sh.read_file(&file)?;
-        sh.write_file(&file, defect.applied(&good)?)?;
-        let noticed = self.noticed(defect);
+        sh.write_file(&file, self.applied(&good)?)?;
+        let noticed = self.noticed(session, copy);
         sh.write_file(&file, good)?;
-        let noticed = noticed.context(defect.name.clone())?;
-        noticed.with_context(|| format!("{} is not noticed: {}", defect.name, defect.description))
+        let noticed = noticed.context(self.name.clone())?;
+        noticed.with_context(|| format!("{} is not noticed: {}", self.name, self.description))
     }
 
-    fn noticed(&self, defect: &Defect) -> Result<Option<String>> {
-        let session = self.session;
-        let by = &defect.noticed_by;
+    fn noticed(&self, session: &Session, copy: &Path) -> Result<Option<String>> {
+        let by = &self.noticed_by;
         match by.split_once(' ').unwrap_or((by, "")) {
             ("elf", _) => {
-                let elf = session.build_copy(&self.root)?;
+                let elf = session.build_copy(copy)?;
                 let bytes = session.sh.read_binary_file(elf)?;
-                let symbols = Elf::parse(&bytes)?.symbols();
-                let found = BANNED.iter().find(|kind| !kind.among(&symbols).is_empty());
-                Ok(found.map(|kind| kind.name.to_owned()))
+                let found = banned(&Elf::parse(&bytes)?.symbols());
+                Ok(found.into_iter().next())
             }
             ("stack", _) => {
-                let bound = stack::bound(session, &session.build_copy(&self.root)?);
+                let bound = stack::bound(session, &session.build_copy(copy)?);
                 Ok(bound.err().map(|error| error.to_string()))
             }
             ("loop", rest) => {
                 let (file, test) = rest.split_once(' ').unwrap_or((rest, ""));
                 let tests = session.cargo_on_host("test --release --test in_the_loop")?;
                 let tests = tests.arg(format!("{file}::{test}"));
-                failures(tests.env("ROBOT_ELF", session.build_copy(&self.root)?))
+                failures(tests.env("ROBOT_ELF", session.build_copy(copy)?))
             }
             (package, rest) => {
                 let tests = "test --locked --no-fail-fast --config profile.dev.opt-level=0";
                 let tests = format!("{tests} --package {package} --lib {rest}");
-                let _in_copy = session.sh.push_dir(&self.root);
+                let _in_copy = session.sh.push_dir(copy);
                 let tests = session.cargo_with_board(&tests)?;
-                failures(tests.env("CARGO_TARGET_DIR", self.root.join("target")))
+                failures(tests.env("CARGO_TARGET_DIR", copy.join("target")))
             }
         }
     }
@@ -142,9 +131,9 @@ fn failures(tests: Cmd<'_>) -> Result<Option<String>> {
     let (success, text) = process::tee(tests)?;
     let ran = pattern(r"(?m)^running [1-9]\d* tests?$").is_match(&text);
     ensure!(ran, "no test ran: does the defect compile?");
-    let failed = pattern(r"(?m)^test (.*) \.\.\. FAILED$").captures(&text);
-    let aborted = (!success).then(|| "an aborted test".to_owned());
-    Ok(failed.map(|line| line[1].to_owned()).or(aborted))
+    let (_, failed) = process::test_results(&text);
+    let aborted = (!success).then_some("an aborted test");
+    Ok(failed.first().copied().or(aborted).map(str::to_owned))
 }
 
 /// Tries the defects of these names, or all.
@@ -160,13 +149,12 @@ pub fn run(session: &Session, only: &[String]) -> Result<String> {
 
 /// Tries defects; an error names those that are not noticed.
 pub fn try_all<'a>(session: &Session, defects: impl Iterator<Item = &'a Defect>) -> Result<String> {
-    let root = session.target.join("defects/workspace");
-    session.copy_to(&root)?;
-    let copy = Copy { session, root };
+    let copy = session.target.join("defects/workspace");
+    session.copy_to(&copy)?;
     let (mut noticed, mut missed) = (Vec::new(), Vec::new());
     for defect in defects {
         println!("\n== {}: {}", defect.name, defect.description);
-        match copy.try_one(defect) {
+        match defect.try_in(session, &copy) {
             Ok(by) => {
                 println!("{}: noticed by {}: {by}", defect.name, defect.noticed_by);
                 noticed.push(defect.name.as_str());

@@ -16,7 +16,6 @@ pub enum Kind {
     Board = 5,
 }
 
-/// An error of that kind.
 #[derive(Debug, thiserror::Error)]
 #[error("{1}")]
 pub struct Failure(pub Kind, pub String);

@@ -29,21 +29,19 @@ pub type Verdicts = BTreeMap<String, Verdict>;
 
 /// The figure of these harnesses and those without a verdict; an error where one has a finding.
 pub fn judge<'n>(names: &[&'n str], verdicts: &Verdicts) -> Result<(String, Vec<&'n str>)> {
-    let of = |name: &&str| Some((name.to_string(), verdicts.get(*name)?));
+    let of = |name: &&'n str| Some((*name, verdicts.get(*name)?));
     let found: Vec<_> = names.iter().filter_map(of).collect();
     let bad = found.iter().filter(|(_, one)| !one.finding.is_empty());
     let findings = bad.map(|(name, verdict)| format!("{name} {}", verdict.finding));
     let findings = findings.collect::<Vec<_>>().join("; ");
     ensure!(findings.is_empty(), findings);
     let covers: u32 = found.iter().map(|(_, verdict)| verdict.covers[0]).sum();
-    let seconds: f64 = found.iter().map(|(_, verdict)| verdict.seconds).sum();
+    let times = found.iter().map(|(name, verdict)| (verdict.seconds, name));
+    let seconds: f64 = times.clone().map(|(seconds, _)| seconds).sum();
     let (proven, all) = (found.len(), names.len());
     let mut figure = format!("{proven} of {all} harnesses proven, {covers} covers, {seconds:.0} s");
-    let slowest = found
-        .iter()
-        .max_by(|one, two| one.1.seconds.total_cmp(&two.1.seconds));
-    if let Some((name, verdict)) = slowest {
-        write!(figure, ", the longest {name}, {:.0} s", verdict.seconds)?;
+    if let Some((seconds, name)) = times.max_by(|one, two| one.0.total_cmp(&two.0)) {
+        write!(figure, ", the longest {name}, {seconds:.0} s")?;
     }
     let missing = names.iter().filter(|name| !verdicts.contains_key(**name));
     Ok((figure, missing.copied().collect()))
@@ -62,13 +60,14 @@ pub fn read(workspace: &Workspace) -> Result<Verdicts> {
 pub fn write(workspace: &Workspace, verdicts: &Verdicts) -> Result<()> {
     let sources = Sources::read(workspace)?;
     let mut text = "# Written by `cargo xtask prove --evidence`.\n".to_owned();
-    for (name, verdict) in verdicts {
-        let (finding, tools) = (&verdict.finding, &verdict.tools);
-        let (covers, seconds) = (verdict.covers, verdict.seconds);
-        write!(text, "{name:?} = {{ finding = {finding:?}, ")?;
-        write!(text, "covers = {covers:?}, ")?;
-        write!(text, "seconds = {seconds:.1}, tools = {tools:?}, ")?;
-        writeln!(text, "sources = {:?} }}", sources.hash(name))?;
+    for (name, one) in verdicts {
+        let (finding, covers, tools) = (&one.finding, one.covers, &one.tools);
+        let (seconds, sources) = (one.seconds, sources.hash(name));
+        writeln!(
+            text,
+            "{name:?} = {{ finding = {finding:?}, covers = {covers:?}, seconds = {seconds:.1}, \
+             tools = {tools:?}, sources = {sources:?} }}"
+        )?;
     }
     Ok(workspace.sh.write_file(FILE, text)?)
 }
@@ -171,18 +170,10 @@ fn verdict_holds_until_what_it_is_about_changes() {
         assert_eq!(hash(&file, "    // A comment.\n\n"), same);
         assert_eq!(hash(&file, "\n#[cfg(test)]\nmod tests {\n}\n"), same);
     }
-    for file in [
-        "fixed.lock",
-        "proofs/src/wire/link.rs",
-        "proofs/src/wire/table.rs",
-    ] {
+    for file in "fixed.lock proofs/src/wire/link.rs proofs/src/wire/table.rs".split(' ') {
         assert_ne!(hash(file, "1"), same, "{file}");
     }
-    for file in [
-        "fw-core/src/robot.rs",
-        "fw-core/src/wire/tests.rs",
-        "proofs/src/input.rs",
-    ] {
+    for file in "fw-core/src/robot.rs fw-core/src/wire/tests.rs proofs/src/input.rs".split(' ') {
         assert_eq!(hash(file, "const A: u8 = 1;\n"), same, "{file}");
     }
 }

@@ -1,18 +1,16 @@
 //! The fuzz targets: finding or installing cargo-fuzz, building, running.
 
-use xshell::{Cmd, cmd};
+use xshell::Cmd;
 
 use crate::error::{Context, Kind, Result, ensure, fail};
 use crate::process::{self, captures};
 use crate::workspace::Workspace;
 
 /// `cargo fuzz` by nightly Rust.
-fn cargo_fuzz<'s>(workspace: &'s Workspace, subcommand: &str) -> Cmd<'s> {
-    let fuzz = cmd!(workspace.sh, "rustup run nightly cargo fuzz {subcommand}");
-    let own = ["CARGO", "RUSTC", "RUSTUP_TOOLCHAIN"].into_iter();
-    let fuzz = own.fold(fuzz, Cmd::env_remove);
+fn cargo_fuzz<'s>(workspace: &'s Workspace, subcommand: &str) -> Result<Cmd<'s>> {
+    let fuzz = workspace.cargo_of("nightly")?.args(["fuzz", subcommand]);
     let fuzz = fuzz.args(["--debug-assertions", "--target-dir"]);
-    fuzz.arg(workspace.target.join("fuzz"))
+    Ok(fuzz.arg(workspace.target.join("fuzz")))
 }
 
 /// Builds every target, after finding or installing nightly Rust and cargo-fuzz, and fuzzes one or all
@@ -22,9 +20,6 @@ fn cargo_fuzz<'s>(workspace: &'s Workspace, subcommand: &str) -> Cmd<'s> {
 /// the same inputs every time.
 pub fn run(workspace: &Workspace, only: Option<&str>, seconds: Option<u32>) -> Result<String> {
     let sh = &workspace.sh;
-    let nightly = || process::output(cmd!(sh, "rustup run nightly rustc --version")).is_some();
-    let install = workspace.rustup("toolchain install nightly --profile minimal");
-    process::require(nightly, &install, "nightly Rust")?;
     workspace.require_tool("fuzz@0.13.1")?;
     let files = workspace.files("fuzz/fuzz_targets")?;
     let names = files.iter().filter_map(|file| file.file_stem()?.to_str());
@@ -33,7 +28,7 @@ pub fn run(workspace: &Workspace, only: Option<&str>, seconds: Option<u32>) -> R
     if targets.is_empty() {
         return fail(Kind::Usage, "no such file in fuzz/fuzz_targets");
     }
-    cargo_fuzz(workspace, "build").run()?;
+    cargo_fuzz(workspace, "build")?.run()?;
     let (folder, limits) = match seconds {
         None => ("smoke", "-seed=1 -runs=500000 -max_total_time=30".into()),
         Some(seconds) => ("corpus", format!("-max_total_time={seconds}")),
@@ -47,7 +42,7 @@ pub fn run(workspace: &Workspace, only: Option<&str>, seconds: Option<u32>) -> R
         }
         sh.create_dir(&learned)?;
         let seeds = workspace.root.join("fuzz/corpus").join(target);
-        let fuzz = cargo_fuzz(workspace, "run").arg(target).arg(learned);
+        let fuzz = cargo_fuzz(workspace, "run")?.arg(target).arg(learned);
         let fuzz = fuzz.arg(seeds).arg("--").args(limits.split(' '));
         let (success, text) = process::tee(fuzz)?;
         least = least.min(executions(&text).context("the fuzzer printed no figures")?);

@@ -7,7 +7,7 @@
 use clap::Args;
 
 use crate::budget::Budget;
-use crate::error::{Context, Failure, Kind, Result, ensure, fail};
+use crate::error::{Context, Kind, Result, ensure, fail};
 use crate::evidence::{self, Verdict, Verdicts};
 use crate::process::{self, captures, pattern};
 use crate::workspace::Workspace;
@@ -17,11 +17,11 @@ const MISSING: &str =
     "Kani is not installed (`cargo install --locked kani-verifier && cargo kani setup`)";
 
 /// Which harnesses to prove.
-#[derive(Args)]
+#[derive(Args, Default)]
 pub struct Choice {
     /// Only every N-th harness, K from 0
     #[arg(long, value_name = "K/N", default_value = "0/1", value_parser = parse_shard)]
-    shard: (usize, usize),
+    shard: Option<(usize, usize)>,
     /// Only harnesses with this in their name
     #[arg(long, value_name = "TEXT", default_value = "")]
     only: String,
@@ -45,17 +45,15 @@ pub fn declared(workspace: &Workspace, arguments: &[&str]) -> Result<String> {
     Ok(list.args(arguments).read()?)
 }
 
+/// The installed Kani.
+fn version(workspace: &Workspace) -> Option<String> {
+    process::output(workspace.cargo("kani --version"))
+}
+
 /// Proves every harness where Kani is installed; reads the evidence where it is not.
 pub fn gate(workspace: &Workspace) -> Result<String> {
-    let every = Choice {
-        shard: (0, 1),
-        only: String::new(),
-        evidence: false,
-    };
-    let proven = prove(workspace, &every);
-    let is_missing = |failure: &Failure| failure.0 == Kind::MissingProgram;
-    if !matches!(&proven, Err(error) if error.downcast_ref().is_some_and(is_missing)) {
-        return proven;
+    if version(workspace).is_some() {
+        return prove(workspace, &Choice::default());
     }
     let declared = declared(workspace, &["--harnesses"])?;
     let declared: Vec<_> = declared.lines().collect();
@@ -71,9 +69,8 @@ pub fn gate(workspace: &Workspace) -> Result<String> {
 /// Proves the chosen harnesses; returns the closing figure. An error names the harnesses that fail, take
 /// too long or come to no verdict, and those with a cover that cannot be reached.
 pub fn prove(workspace: &Workspace, choice: &Choice) -> Result<String> {
-    let Some(version) = process::output(workspace.cargo("kani --version")) else {
-        return fail(Kind::MissingProgram, MISSING);
-    };
+    let missing = || fail(Kind::MissingProgram, MISSING);
+    let version = version(workspace).map_or_else(missing, Ok)?;
     let limit = Budget::read(workspace)?;
     let limit = limit.value("kani.at_most.harness_seconds")?.as_f64();
     let limit = limit.context("harness_seconds is no number")?;
@@ -83,7 +80,7 @@ pub fn prove(workspace: &Workspace, choice: &Choice) -> Result<String> {
     if choice.evidence {
         known = evidence::read(workspace)?;
     }
-    let (number, count) = choice.shard;
+    let (number, count) = choice.shard.unwrap_or((0, 1));
     let chosen = declared.iter().skip(number).step_by(count).copied();
     let chosen = chosen.filter(|name| name.contains(&choice.only) && !known.contains_key(*name));
     let chosen: Vec<_> = chosen.collect();

@@ -19,6 +19,7 @@ mod toolchain;
 mod trace;
 mod workspace;
 
+use std::path::Path;
 use std::process::ExitCode;
 
 use clap::{Args, Parser, Subcommand};
@@ -55,22 +56,17 @@ enum Command {
     Stack,
     /// The virtual robot explores the default room: target/demo/; with --tour it drives the room's tour:
     /// target/tour/
-    #[command(disable_help_flag = true)]
     Demo(Handed),
     /// The virtual robot explores generated rooms, e.g. --seeds 1..10: a table
-    #[command(disable_help_flag = true)]
     ExploreBench(Handed),
     /// Faults, alone and in pairs, on the driving virtual robot: --hours H --seed S
-    #[command(disable_help_flag = true)]
     Campaign(Handed),
     /// Measure the ELF on the emulated core: target/figures.json; with --profile, where the tick's
     /// instructions go
-    #[command(disable_help_flag = true)]
     Figures(Handed),
     /// The odometry beside others on the emulated core, as a table
     Bench,
     /// The Pi's program on the virtual board, e.g. `robot goto 500 0 90`
-    #[command(disable_help_flag = true)]
     Robot(Handed),
     /// The Debian packages of the Pi's program: target/packages/
     Deb,
@@ -85,10 +81,7 @@ enum Command {
         choice: gates::Choice,
     },
     /// The gates that take longer than a change should wait for
-    Night {
-        #[command(flatten)]
-        choice: gates::Choice,
-    },
+    Night(gates::Choice),
     /// The theorems, by Kani
     Prove(kani::Choice),
     /// Fuzz one target or all
@@ -105,14 +98,14 @@ enum Command {
         only: Vec<String>,
     },
     /// Change fw-core in every way; some test must notice: the options of `ci/mutation`
-    #[command(disable_help_flag = true)]
     Mutants(Handed),
     /// How much of fw-core the tests run, and what they do not
     Coverage,
 }
 
-/// What goes to another program.
+/// What goes to another program, `--help` included.
 #[derive(Args)]
+#[command(disable_help_flag = true)]
 struct Handed {
     #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
     arguments: Vec<String>,
@@ -128,6 +121,7 @@ fn main() -> ExitCode {
 
 fn run(cli: Cli) -> Result<ExitCode> {
     let session = &Session::new(cli.provider)?;
+    let see = |what, path: &Path| println!("{what}: see {}", session.relative(path));
     let mut good = true;
     match cli.command {
         Command::Setup => drop(session.toolchain()?),
@@ -135,39 +129,32 @@ fn run(cli: Cli) -> Result<ExitCode> {
         Command::Stack => {
             stack::bound(session, &session.image()?.path)?;
         }
-        Command::Demo(Handed { arguments }) => {
-            let out = programs::demo(session, &arguments)?;
-            println!("demo: see {}", session.relative(&out));
-        }
-        Command::ExploreBench(Handed { arguments }) => {
-            programs::explore_bench(session, &arguments)?;
-        }
-        Command::Campaign(Handed { arguments }) => programs::campaign(session, &arguments)?,
-        Command::Figures(Handed { arguments }) => {
-            let out = programs::figures(session, &arguments)?;
-            println!("figures: see {}", session.relative(&out));
-        }
+        Command::Demo(more) => see("demo", &programs::demo(session, &more.arguments)?),
+        Command::ExploreBench(more) => programs::explore_bench(session, &more.arguments)?,
+        Command::Campaign(more) => programs::campaign(session, &more.arguments)?,
+        Command::Figures(more) => see("figures", &programs::figures(session, &more.arguments)?),
         Command::Bench => programs::bench(session)?,
-        Command::Robot(Handed { arguments }) => {
-            return Ok(ExitCode::from(programs::pilot(session, &arguments)?));
+        Command::Robot(robot) => {
+            let code = programs::pilot(session, &robot.arguments)?;
+            return Ok(ExitCode::from(code));
         }
         Command::Deb => {
             for (package, _) in programs::packages(session)? {
-                println!("deb: see {}", session.relative(&package));
+                see("deb", &package);
             }
         }
         Command::Flash(board) => flash::flash(session, &board)?,
         Command::Test { quick, choice } => {
             good = gates::run(session, &choice, &[When::Quick, When::Change], quick);
         }
-        Command::Night { choice } => good = gates::run(session, &choice, &[When::Night], false),
+        Command::Night(choice) => good = gates::run(session, &choice, &[When::Night], false),
         Command::Prove(choice) => println!("{}", kani::prove(session, &choice)?),
         Command::Fuzz { target, seconds } => {
             println!("{}", fuzz::run(session, target.as_deref(), Some(seconds))?);
         }
         Command::Trace => Trace::read(session)?.print(),
         Command::Defects { only } => println!("noticed: {}", defects::run(session, &only)?),
-        Command::Mutants(Handed { arguments }) => drop(gates::mutants(session, &arguments)?),
+        Command::Mutants(more) => drop(gates::mutants(session, &more.arguments)?),
         Command::Coverage => println!("{}", gates::coverage(session)?),
     }
     Ok(ExitCode::from(u8::from(!good)))

@@ -48,10 +48,12 @@ pub fn tee_lines(command: impl Into<Command>, printed: fn(&str) -> bool) -> Resu
     Ok((child.wait()?.success(), text))
 }
 
-/// Whether a program of that name is in the search path.
-pub fn installed(program: &str) -> bool {
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    std::env::split_paths(&path).any(|folder| folder.join(program).is_file())
+/// How many tests of all binaries passed, and the names of those that failed.
+pub fn test_results(text: &str) -> (u32, Vec<&str>) {
+    let passed = captures(text, r"(?m)^test result: .*? (\d+) passed");
+    let passed = passed.iter().map(|count| count.parse().unwrap_or(0));
+    let failed = captures(text, r"(?m)^test (.*) \.\.\. FAILED$");
+    (passed.sum(), failed)
 }
 
 /// What the first group of a pattern matches, each time.
@@ -64,4 +66,12 @@ pub fn captures<'t>(text: &'t str, of: &str) -> Vec<&'t str> {
 /// A pattern of this program's own.
 pub fn pattern(text: &str) -> Regex {
     Regex::new(text).expect("a pattern that a test runs")
+}
+
+#[test]
+fn tests_are_counted_and_failures_named() {
+    let text = "test a::b ... ok\ntest a::c ... FAILED\ntest d ... FAILED\n\
+                test result: FAILED. 12 passed; 1 failed; 1 ignored; 0 measured\nnoise\n\
+                test result: ok. 3 passed; 0 failed; 0 ignored; finished in 1.20s\n";
+    assert_eq!(test_results(text), (15, vec!["a::c", "d"]));
 }

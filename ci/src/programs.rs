@@ -6,10 +6,12 @@ use std::process::Command;
 use xshell::{Cmd, cmd};
 
 use crate::error::{Kind, Result, fail};
-use crate::firmware;
 use crate::process;
 use crate::session::Session;
 use crate::toolchain::apt_install;
+
+/// The package of `tests/bench`, built as the firmware is.
+const BENCH: &str = "odometry-bench";
 
 /// A program that takes the release ELF.
 fn on_elf<'s>(session: &'s Session, program: &str) -> Result<Cmd<'s>> {
@@ -45,7 +47,7 @@ pub fn campaign(session: &Session, more: &[String]) -> Result<()> {
 /// Measures the release ELF, and the reference codec of `tests/bench` beside it, with `more` arguments of
 /// the figures program; returns the report it leaves.
 pub fn figures(session: &Session, more: &[String]) -> Result<PathBuf> {
-    let reference = session.build(firmware::bench("reference-codec"))?.path;
+    let reference = session.build(BENCH, "reference-codec", "")?.path;
     let out = session.target.join("figures.json");
     session.sh.remove_path(&out)?;
     let figures = on_elf(session, "figures")?.arg("--out").arg(&out);
@@ -99,10 +101,9 @@ pub fn packages(session: &Session) -> Result<Vec<(PathBuf, &'static str)>> {
     let package = |pi: Pi| {
         let (target, linker, packages) = (pi.target, pi.linker, pi.packages);
         let std = session.sysroot.join("lib/rustlib").join(target).join("lib");
-        let has_target = || std.is_dir();
         let add = session.rustup(&format!("target add {target}"));
-        process::require(has_target, &add, target)?;
-        if !packages.is_empty() && !process::installed(linker) {
+        process::require(|| std.is_dir(), &add, target)?;
+        if !packages.is_empty() && !session.has(linker) {
             apt_install(session, packages, 120)
                 .or_else(|why| fail(Kind::MissingProgram, format!("no {linker}: {why}")))?;
         }
@@ -110,17 +111,16 @@ pub fn packages(session: &Session) -> Result<Vec<(PathBuf, &'static str)>> {
         let robot = session.cargo(&format!("run --quiet --locked {FEATURES} -- manual"));
         robot.arg(manual).run()?;
         let of_target = format!("CARGO_TARGET_{}", target.to_uppercase().replace('-', "_"));
-        let build = session.cargo(&format!("build --locked --release {FEATURES} --target"));
-        let build = build.arg(target);
-        let build = build.args(["--config", "profile.release.package.rustdds.opt-level=2"]);
+        let optimised = "--config profile.release.package.rustdds.opt-level=2";
+        let words = format!("build --locked --release {FEATURES} --target {target} {optimised}");
+        let build = session.cargo(&words);
         let build = build.env("CARGO_PROFILE_RELEASE_STRIP", "true");
         let build = build.env(format!("{of_target}_LINKER"), linker);
         let flags = format!("{of_target}_RUSTFLAGS");
         build.env(flags, "-Ctarget-feature=+crt-static").run()?;
-        let deb = "deb --locked --package pilot --no-build --no-strip --quiet --target";
-        let deb = session.cargo(deb).arg(target);
-        let deb = deb.arg("--output").arg(session.target.join("packages"));
-        Ok((deb.read()?.into(), pi.qemu))
+        let deb = "deb --locked --package pilot --no-build --no-strip --quiet --output";
+        let deb = session.cargo(deb).arg(session.target.join("packages"));
+        Ok((deb.args(["--target", target]).read()?.into(), pi.qemu))
     };
     PI.into_iter().map(package).collect()
 }
@@ -136,8 +136,8 @@ pub fn pilot(session: &Session, arguments: &[String]) -> Result<u8> {
         let image = session.target.join("virtual/eeprom.bin");
         program.arg("--eeprom-image").arg(image);
     }
-    let code = program.status()?.code();
-    Ok(code.and_then(|code| u8::try_from(code).ok()).unwrap_or(1))
+    let code = program.status()?.code().unwrap_or(1);
+    Ok(u8::try_from(code).unwrap_or(1))
 }
 
 /// What a program of `tests/bench` prints on the host.
@@ -149,7 +149,7 @@ fn bench_on_host(session: &Session, program: &str) -> Result<String> {
 /// Compares the odometry with others (`tests/bench`): builds what is compared for the core and for the
 /// host, runs both and prints the table.
 pub fn bench(session: &Session) -> Result<()> {
-    let elf = session.build(firmware::bench("on-core"))?.path;
+    let elf = session.build(BENCH, "on-core", "")?.path;
     let lines = session.target.join("on-host.txt");
     let on_host = bench_on_host(session, "on-host")?;
     session.sh.write_file(&lines, on_host)?;
@@ -161,7 +161,7 @@ pub fn bench(session: &Session) -> Result<()> {
 /// memory map.
 pub fn second_opinion(session: &Session) -> Result<[String; 2]> {
     let (sh, program) = (&session.sh, "second-opinion");
-    let elf = session.build(firmware::bench(program))?.path;
+    let elf = session.build(BENCH, program, "")?.path;
     let qemu =
         "timeout 60 qemu-system-arm -M netduinoplus2 -display none -monitor none -serial none";
     let qemu = cmd!(sh, "env").args(qemu.split(' '));

@@ -2,10 +2,10 @@
 
 use std::cell::OnceCell;
 use std::ops::Deref;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
+use crate::elf::Sizes;
 use crate::error::{Context, Result};
-use crate::firmware::{self, Image, Program, RELEASE};
 use crate::toolchain::{Provider, Toolchain};
 use crate::workspace::Workspace;
 
@@ -13,7 +13,15 @@ pub struct Session {
     workspace: Workspace,
     provider: Option<Provider>,
     toolchain: OnceCell<Toolchain>,
-    image: OnceCell<Image>,
+    /// What is flashed.
+    pub image: OnceCell<Image>,
+}
+
+/// A built ELF, kept apart from builds with other features.
+pub struct Image {
+    pub path: PathBuf,
+    pub bytes: Vec<u8>,
+    pub sizes: Sizes,
 }
 
 impl Deref for Session {
@@ -38,24 +46,10 @@ impl Session {
     pub fn toolchain(&self) -> Result<&Toolchain> {
         once(&self.toolchain, || Toolchain::find(self, self.provider))
     }
-
-    /// What is flashed.
-    pub fn image(&self) -> Result<&Image> {
-        once(&self.image, || self.build(RELEASE))
-    }
-
-    /// The firmware of a copy of the workspace; where cargo left it.
-    pub fn build_copy(&self, root: &Path) -> Result<PathBuf> {
-        firmware::build_in(self, self.toolchain()?, root, &root.join("target"), RELEASE)
-    }
-
-    /// A program of `fw-pac`.
-    pub fn build(&self, program: Program) -> Result<Image> {
-        firmware::build(self, self.toolchain()?, program)
-    }
 }
 
-fn once<T>(cell: &OnceCell<T>, find: impl FnOnce() -> Result<T>) -> Result<&T> {
+/// What the cell holds, after finding it where it is empty.
+pub fn once<T>(cell: &OnceCell<T>, find: impl FnOnce() -> Result<T>) -> Result<&T> {
     if cell.get().is_none() {
         let _ = cell.set(find()?);
     }

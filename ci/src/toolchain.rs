@@ -63,8 +63,12 @@ impl Toolchain {
     }
 
     /// This toolchain's cargo; `words` are parted by blanks, `flags` are the compiler's.
-    pub fn cargo<'s>(&self, workspace: &'s Workspace, words: &str, flags: &[String]) -> Cmd<'s> {
-        let mut flags = flags.to_vec();
+    pub fn cargo<'s>(
+        &self,
+        workspace: &'s Workspace,
+        words: &str,
+        mut flags: Vec<String>,
+    ) -> Cmd<'s> {
         if let Some(linker) = &self.linker {
             flags.push("-Clinker-flavor=ld.lld".into());
             flags.push(format!("-Clinker={}", linker.display()));
@@ -176,7 +180,7 @@ fn debian(workspace: &Workspace) -> Result<Toolchain> {
 /// access to the network may take `seconds`.
 pub fn apt_install(workspace: &Workspace, packages: &str, seconds: u32) -> Result<()> {
     let sh = &workspace.sh;
-    ensure!(process::installed("apt-get"), "this machine has no apt-get");
+    ensure!(workspace.has("apt-get"), "this machine has no apt-get");
     let root = process::output(cmd!(sh, "id -u")).is_some_and(|id| id == "0");
     let may = root || process::output(cmd!(sh, "sudo -n true")).is_some();
     ensure!(

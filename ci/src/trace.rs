@@ -89,7 +89,9 @@ impl Trace {
     /// The requirements of `docs/interfaces.md`: `[A, B-1 to 3]` ends the text of A, B-1, B-2 and B-3, which
     /// begins where the paragraph does or behind the mark before. A section without any is a finding.
     fn read_interfaces(&mut self, page: &str) {
-        let mark = pattern(r"\[((?:(?:DOC|NAV|WIRE)-[\w.]+-\d+(?:\s+to\s+\d+)?,?\s*)+)\]");
+        let mark = pattern(
+            r"(?s)[.,;\s]*(.*?)\[((?:(?:DOC|NAV|WIRE)-[\w.]+-\d+(?:\s+to\s+\d+)?,?\s*)+)\]",
+        );
         let item = pattern(r"([A-Z]+-[\w.]+-)(\d+)(?:\s+to\s+(\d+))?");
         for section in page.split("\n#") {
             let (name, body) = section.split_once('\n').unwrap_or((section, ""));
@@ -99,14 +101,9 @@ impl Trace {
                     .push(format!("{INTERFACES}: \"{name}\" states no requirement"));
             }
             for paragraph in body.split("\n\n") {
-                let mut start = 0;
                 for found in mark.captures_iter(paragraph) {
-                    let (whole, [items]) = found.extract();
-                    let end = found.get(0).map_or(0, |whole| whole.start());
-                    let words = paragraph[start..end].split_whitespace().collect::<Vec<_>>();
-                    let words = words.join(" ");
-                    let words = words.trim_start_matches(['.', ',', ';', ' ']);
-                    start = end + whole.len();
+                    let (_, [words, items]) = found.extract();
+                    let words = words.split_whitespace().collect::<Vec<_>>().join(" ");
                     for item in item.captures_iter(items) {
                         let first: u32 = item[2].parse().unwrap_or(0);
                         let last = item.get(3).and_then(|last| last.as_str().parse().ok());

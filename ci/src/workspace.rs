@@ -86,6 +86,12 @@ impl Workspace {
         self.cargo_with_board(&format!("{words} {HOST} --exclude robot-fuzz"))
     }
 
+    /// Whether a program of that name is in the search path.
+    pub fn has(&self, program: &str) -> bool {
+        let path = self.sh.var_os("PATH").unwrap_or_default();
+        std::env::split_paths(&path).any(|folder| folder.join(program).is_file())
+    }
+
     /// Builds a program that runs on a computer; returns its path.
     pub fn build_program(&self, name: &str) -> Result<PathBuf> {
         let build = format!("build --release --bin {name}");
@@ -97,6 +103,21 @@ impl Workspace {
     pub fn rustup(&self, words: &str) -> Cmd<'_> {
         let rustup = cmd!(self.sh, "timeout 300 rustup");
         rustup.args(words.split(' '))
+    }
+
+    /// cargo of another of rustup's toolchains, installed where it is missing.
+    pub fn cargo_of(&self, toolchain: &str) -> Result<Cmd<'_>> {
+        let cargo = || {
+            let cargo = cmd!(self.sh, "rustup run {toolchain} cargo");
+            // The toolchain's own compiler must win over the one this program runs under.
+            let foreign = ["CARGO", "RUSTC", "RUSTUP_TOOLCHAIN"].into_iter();
+            foreign.fold(cargo, Cmd::env_remove)
+        };
+        let installed = || process::output(cargo().arg("--version")).is_some();
+        let install = format!("toolchain install {toolchain} --profile minimal");
+        let name = format!("Rust {toolchain}");
+        process::require(installed, &self.rustup(&install), &name)?;
+        Ok(cargo())
     }
 
     /// Requires cargo's subcommand `NAME@VERSION`; builds it below the target folder where it is missing,

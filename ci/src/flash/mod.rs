@@ -10,8 +10,6 @@ use clap::Args;
 use xshell::cmd;
 
 use crate::error::{Context, Kind, Result, fail};
-use crate::firmware::{BRINGUP, RELEASE};
-use crate::process::installed;
 use crate::session::Session;
 use log_lines::Lines;
 
@@ -40,15 +38,15 @@ pub struct Board {
 
 /// Writes, verifies, resets, prints the first log lines.
 pub fn flash(session: &Session, board: &Board) -> Result<()> {
-    let program = if board.bringup { BRINGUP } else { RELEASE };
-    let (sh, elf) = (&session.sh, &session.build(program)?.path);
+    let program = if board.bringup { "bringup" } else { "fw-pac" };
+    let (sh, elf) = (&session.sh, &session.build("fw-pac", program, "")?.path);
     if board.is_virtual {
         let gdb = gdb::find(session)?;
         let (_board, log, address) = start_virtual_board(session)?;
         gdb::load(gdb, elf, &address)?;
         return print_log(&log);
     }
-    let [probe_rs, openocd] = ["probe-rs", "openocd"].map(installed);
+    let [probe_rs, openocd] = ["probe-rs", "openocd"].map(|name| session.has(name));
     if !probe_rs && !openocd {
         let missing = "neither probe-rs (`cargo install --locked probe-rs-tools`) nor OpenOCD (`apt-get \
                        install openocd`) is installed; `--virtual` needs neither";

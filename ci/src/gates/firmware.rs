@@ -2,9 +2,9 @@
 
 use serde_json::{Value, json};
 
-use super::{check_bars, passed_without};
-use crate::budget::figure;
-use crate::elf::{BANNED, Elf, Sizes};
+use super::passed_without;
+use crate::budget::{Budget, figure};
+use crate::elf::{Elf, Sizes, banned};
 use crate::error::{Context, Result, ensure};
 use crate::firmware;
 use crate::session::Session;
@@ -13,29 +13,27 @@ use crate::stack::{self, Bound};
 pub fn budget(session: &Session) -> Result<String> {
     let Sizes { flash, ram } = session.image()?.sizes;
     let figures = json!({"flash_bytes": flash, "static_ram_bytes": ram});
-    check_bars(session, "firmware", &figures)?;
+    Budget::read(session)?.check("firmware", &figures)?;
     Ok(format!("flash {flash} bytes, static RAM {ram} bytes"))
 }
 
 /// No panic path, text formatting, software floating point, heap, path of this machine, open vector.
 pub fn contents(session: &Session) -> Result<String> {
-    let elf = Elf::parse(&session.image()?.bytes)?;
+    let bytes = &session.image()?.bytes;
+    let elf = Elf::parse(bytes)?;
     let symbols = elf.symbols();
     ensure!(!symbols.is_empty(), "the ELF has no symbols to judge");
     let mut findings = elf.bad_vectors()?;
-    for kind in &BANNED {
-        let banned = kind.among(&symbols).into_iter();
-        findings.extend(banned.map(|symbol| format!("{}: {symbol}", kind.name)));
-    }
+    findings.extend(banned(&symbols));
     let home = std::env::var("HOME").unwrap_or_default().into();
-    let mut folders = vec![session.root.clone(), session.sysroot.clone(), home];
-    folders.push(firmware::cargo_home());
+    let cargo_home = firmware::cargo_home();
+    let own = [&session.root, &session.sysroot, &home, &cargo_home].into_iter();
     let remap = session.toolchain()?.remap.iter();
-    folders.extend(remap.map(|(from, _)| from.clone()));
-    for folder in folders {
+    for folder in own.chain(remap.map(|(from, _)| from)) {
         let folder = format!("{}/", folder.display());
+        let mut windows = bytes.windows(folder.len());
         // A HOME of / or nothing is in every text.
-        if folder.len() > 2 && elf.contains(&folder) {
+        if folder.len() > 2 && windows.any(|window| window == folder.as_bytes()) {
             findings.push(format!("a path of this machine: {folder}"));
         }
     }
@@ -47,7 +45,7 @@ pub fn stack(session: &Session) -> Result<String> {
     let Bound { worst, reserved } = stack::bound(session, &session.image()?.path)?;
     let figure = format!("at most {worst} of {reserved} bytes");
     ensure!(worst <= reserved, "the stack can overflow: {figure}");
-    check_bars(session, "stack", &json!({"worst_bytes": worst}))?;
+    Budget::read(session)?.check("stack", &json!({"worst_bytes": worst}))?;
     Ok(figure)
 }
 

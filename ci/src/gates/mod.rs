@@ -11,11 +11,8 @@ mod tests;
 use std::time::Instant;
 
 use clap::Args;
-use clap::builder::PossibleValuesParser;
-use serde_json::Value;
 
 use self::beside::Beside;
-use crate::budget::Budget;
 use crate::error::{Failure, Kind, Result, bail, fail};
 use crate::kani;
 use crate::session::Session;
@@ -90,15 +87,11 @@ const GATES: [Gate; 37] = [
 #[derive(Args, Default)]
 pub struct Choice {
     /// Only these gates
-    #[arg(long, value_name = "GATE", value_delimiter = ',', value_parser = names())]
+    #[arg(long, value_name = "GATE", value_delimiter = ',', value_parser = GATES.map(|gate| gate.0))]
     pub only: Vec<String>,
     /// The gates that may be SKIPPED; any other that is fails the run
-    #[arg(long, value_name = "GATE", value_delimiter = ',', value_parser = names())]
+    #[arg(long, value_name = "GATE", value_delimiter = ',', value_parser = GATES.map(|gate| gate.0))]
     pub may_skip: Option<Vec<String>>,
-}
-
-fn names() -> PossibleValuesParser {
-    GATES.map(|(name, ..)| name).into()
 }
 
 impl Choice {
@@ -118,7 +111,7 @@ struct Row(&'static str, &'static str, String);
 /// Prints the table; returns whether none failed.
 pub fn run(session: &Session, choice: &Choice, of: &[When], quick: bool) -> bool {
     let all = choice.only.is_empty();
-    let is_beside = |name| all && !quick && of.contains(&Change) && beside::GATES.contains(&name);
+    let is_beside = |name| all && !quick && of.contains(&Change) && beside::runs(name);
     let (mut rows, mut other) = (Vec::new(), None);
     for (name, when, gate) in GATES {
         let named = choice.only.iter().any(|only| only == name);
@@ -199,11 +192,6 @@ fn passed_without(findings: &[String], figure: String) -> Result<String> {
         None => Ok(figure),
         Some(first) => bail!("{} finding(s), the first: {first}", findings.len()),
     }
-}
-
-/// Compares figures with every bar of `name` in the budget.
-fn check_bars(session: &Session, name: &str, figures: &Value) -> Result<usize> {
-    Budget::read(session)?.check(name, figures)
 }
 
 fn setup(session: &Session) -> Result<String> {

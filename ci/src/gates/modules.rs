@@ -99,18 +99,15 @@ impl Modules {
 
     /// The modules that are part of a cycle, or on a way from one to another.
     fn cycle(&self) -> BTreeSet<&String> {
+        let uses = |one: &String, two: &String| one != two && self.uses[one].contains(two);
         let mut left: BTreeSet<_> = self.uses.keys().collect();
         loop {
-            let uses = |one: &String, two: &String| one != two && self.uses[one].contains(two);
-            let is_inside = |module: &&String| {
-                left.iter().any(|other| uses(other, module))
-                    && left.iter().any(|other| uses(module, other))
-            };
-            let inside: BTreeSet<_> = left.iter().copied().filter(is_inside).collect();
-            if inside.len() == left.len() {
+            let all = left.clone();
+            left.retain(|module| all.iter().any(|other| uses(other, module)));
+            left.retain(|module| all.iter().any(|other| uses(module, other)));
+            if left == all {
                 return left;
             }
-            left = inside;
         }
     }
 }

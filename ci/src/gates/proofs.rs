@@ -1,13 +1,14 @@
 //! Gates on the proofs and on what the tests notice: Kani, fuzz targets, mutants, seeded defects.
 
+use std::ffi::OsStr;
 use std::time::UNIX_EPOCH;
 
-use serde_json::{Map, Value};
+use serde_json::{Value, json};
 use xshell::cmd;
 
-use super::check_bars;
+use crate::budget::Budget;
 use crate::defects;
-use crate::error::{Context, Error, Kind, Result, bail, fail};
+use crate::error::{Context, Kind, Result, bail, fail};
 use crate::kani;
 use crate::process;
 use crate::session::Session;
@@ -15,34 +16,31 @@ use crate::session::Session;
 /// The theorems' table against its floors: a proof that went missing fails here.
 pub fn floors(session: &Session) -> Result<String> {
     let counts = counts(&kani::declared(session, &[])?)?;
-    let figures = counts.iter().map(|(name, count)| format!("{count} {name}"));
-    let figures = figures.collect::<Vec<_>>().join(", ");
-    check_bars(session, "proofs", &Value::Object(counts))?;
-    Ok(figures)
+    Budget::read(session)?.check("proofs", &counts)?;
+    let figures = counts.as_object().into_iter().flatten();
+    let figures = figures.map(|(name, count)| format!("{count} {name}"));
+    Ok(figures.collect::<Vec<_>>().join(", "))
 }
 
-/// The rows of each kind, and the sums of the columns, by the names in the list's first line.
-fn counts(list: &str) -> Result<Map<String, Value>> {
-    let rows = list.lines().map(|line| line.split('\t'));
-    let rows: Vec<Vec<_>> = rows.map(Iterator::collect).collect();
-    let (head, rows) = rows.split_first().context("the list is empty")?;
-    let column = |name: &str| {
-        let at = head.iter().position(|found| *found == name);
-        let at = at.with_context(|| format!("the theorems' list has no column {name}"))?;
-        Ok::<_, Error>(rows.iter().filter_map(move |row| row.get(at).copied()))
+/// The rows of each kind, and the sums of the columns.
+fn counts(list: &str) -> Result<Value> {
+    let head = "kind\tgroup\tarea\tproperty\tharnesses\tcovers\ttests\tneeds\n";
+    let rows = list.strip_prefix(head);
+    let rows = rows.context("the theorems' list has other columns")?;
+    let rows: Vec<Vec<_>> = rows.lines().map(|row| row.split('\t').collect()).collect();
+    let sum = |column: usize| {
+        let numbers = rows.iter().map(|row| row[column].parse::<usize>());
+        numbers.sum::<std::result::Result<usize, _>>()
     };
-    let mut counts = Map::new();
-    let theorems = column("kind")?.filter(|kind| *kind == "theorem").count();
-    counts.insert("theorems".into(), theorems.into());
-    counts.insert("sampled".into(), (rows.len() - theorems).into());
-    for name in ["harnesses", "covers", "tests"] {
-        // A count, or names parted by commas.
-        let names = |cell: &str| cell.split(',').filter(|name| !name.is_empty()).count();
-        let cells = column(name)?;
-        let cells = cells.map(|cell| cell.parse().unwrap_or_else(|_| names(cell)));
-        counts.insert(name.into(), cells.sum::<usize>().into());
-    }
-    Ok(counts)
+    let theorems = rows.iter().filter(|row| row[0] == "theorem").count();
+    let tests = rows.iter().flat_map(|row| row[6].split(','));
+    Ok(json!({
+        "theorems": theorems,
+        "sampled": rows.len() - theorems,
+        "harnesses": sum(4)?,
+        "covers": sum(5)?,
+        "tests": tests.filter(|name| !name.is_empty()).count(),
+    }))
 }
 
 /// Every seeded defect fits the code; the samples are tried.
@@ -53,12 +51,12 @@ pub fn defects(session: &Session) -> Result<String> {
 }
 
 /// Tries the core's mutants with these arguments of `ci/mutation`; its last line, `9 of 9 mutants, 0 findings`.
-pub fn mutants(session: &Session, arguments: &[String]) -> Result<String> {
+pub fn mutants(session: &Session, arguments: &[impl AsRef<OsStr>]) -> Result<String> {
     mutation(session, "--config ci/mutation.toml", arguments)
 }
 
 /// `ci/mutation` for what `of` says.
-fn mutation(session: &Session, of: &str, arguments: &[String]) -> Result<String> {
+fn mutation(session: &Session, of: &str, arguments: &[impl AsRef<OsStr>]) -> Result<String> {
     session.require_tool("mutants@27.1.0")?;
     let mutation = session.build_program("mutation")?;
     let run = cmd!(session.sh, "{mutation}").args(of.split(' '));
@@ -83,8 +81,7 @@ pub fn mutants_of_the_change(session: &Session) -> Result<String> {
     if process::output(core).is_none_or(|files| files.is_empty()) {
         return fail(Kind::Skipped, unchanged);
     }
-    let arguments = ["--since", &base, "--seconds", "60"];
-    let tried = mutants(session, &arguments.map(str::to_owned))?;
+    let tried = mutants(session, &["--since", &base, "--seconds", "60"])?;
     // A change of comments or tests has no mutant.
     if tried.starts_with("0 of 0 ") {
         return fail(Kind::Skipped, unchanged);
@@ -94,13 +91,12 @@ pub fn mutants_of_the_change(session: &Session) -> Result<String> {
 
 /// All mutants of the core.
 pub fn all_mutants(session: &Session) -> Result<String> {
-    let arguments = ["--jobs", "2", "--report", "target/mutants.md"];
-    mutants(session, &arguments.map(str::to_owned))
+    mutants(session, &["--jobs", "2", "--report", "target/mutants.md"])
 }
 
 /// Every unit test, or property, that cites a requirement notices a change of its crate's code that cites it.
 pub fn citations(session: &Session) -> Result<String> {
-    let arguments = ["--jobs", "2", "--citations", "Requirement"].map(str::to_owned);
+    let arguments = ["--jobs", "2", "--citations", "Requirement"];
     let crates = [
         "--config ci/mutation.toml",
         "--config ci/mutation-host-link.toml",
@@ -117,7 +113,7 @@ pub fn firmware_mutants(session: &Session) -> Result<String> {
     const PARTS: u64 = 20;
     let days = UNIX_EPOCH.elapsed()?.as_secs() / 86_400;
     let part = format!("{}/{PARTS}", days % PARTS);
-    let arguments = ["--only", "delete statement", "--shard", &part].map(str::to_owned);
+    let arguments = ["--only", "delete statement", "--shard", &part];
     mutation(session, "--config ci/mutation-fw-pac.toml", &arguments)
 }
 
@@ -127,6 +123,6 @@ fn columns_of_the_theorems_are_summed_by_name() {
                 theorem\tT0\tunits\ta\t1\t3\texhaustive,sampled\t\n\
                 property\tT1\twire\tb\t2\t4\t\ta\n";
     let expected = r#"{"covers":7,"harnesses":3,"sampled":1,"tests":2,"theorems":1}"#;
-    assert_eq!(Value::Object(counts(list).unwrap()).to_string(), expected);
+    assert_eq!(counts(list).unwrap().to_string(), expected);
     assert!(counts("").is_err());
 }

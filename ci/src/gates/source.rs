@@ -27,7 +27,7 @@ pub fn fmt(session: &Session) -> Result<String> {
 
 /// What the core is checked against must not be edited by hand.
 pub fn vectors(session: &Session) -> Result<String> {
-    if !process::installed("python3") && apt_install(session, "python3", 600).is_err() {
+    if !session.has("python3") && apt_install(session, "python3", 600).is_err() {
         return fail(Kind::Skipped, "python3 is not installed");
     }
     cmd!(session.sh, "python3 tests/vectors/generate.py --check").run()?;
@@ -69,17 +69,8 @@ pub fn docs(session: &Session) -> Result<String> {
 }
 
 pub fn msrv(session: &Session) -> Result<String> {
-    // The toolchain's own choice of compiler must win over the one this program runs under.
-    let foreign = ["RUSTC", "CARGO", "RUSTUP_TOOLCHAIN"].into_iter();
-    let cargo = || {
-        let cargo = cmd!(session.sh, "rustup run {OLDEST} cargo");
-        foreign.clone().fold(cargo, Cmd::env_remove)
-    };
-    let installed = || process::output(cargo().arg("--version")).is_some();
-    let install = session.rustup(&format!("toolchain install {OLDEST} --profile minimal"));
-    process::require(installed, &install, &format!("Rust {OLDEST}"))?;
     let words = "check --locked --package fw-core --package proofs --target-dir";
-    let check = cargo().args(words.split(' '));
+    let check = session.cargo_of(OLDEST)?.args(words.split(' '));
     check.arg(session.target.join("oldest")).run()?;
     Ok(format!("Rust {OLDEST}"))
 }

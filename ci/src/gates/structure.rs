@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use serde_json::json;
 use xshell::cmd;
 
-use super::{check_bars, passed_without};
+use super::passed_without;
 use crate::budget::Budget;
 use crate::error::{Context, Result};
-use crate::process;
+use crate::process::{self, captures};
 use crate::session::Session;
 use crate::toolchain::TARGET;
 use crate::workspace::{list, text};
@@ -27,30 +27,26 @@ pub fn hygiene(session: &Session) -> Result<String> {
     let tracked = process::output(cmd!(session.sh, "git ls-files --error-unmatch Cargo.lock"));
     let tracked = tracked.is_some() || !exists(".git");
     let stale = "Cargo.lock is stale (`cargo metadata --locked` says why)";
-    let mut rules = vec![
-        (current.is_some(), stale.to_owned()),
-        (tracked, "Cargo.lock is not committed".into()),
-    ];
-    let lint = "no lint forbids unsafe code";
-    rules.push((
-        forbids("Cargo.toml", &[FORBIDDEN]),
-        format!("Cargo.toml: {lint}"),
-    ));
+    let mut findings = Vec::new();
+    let mut require = |good: bool, finding: String| findings.extend((!good).then_some(finding));
+    require(current.is_some(), stale.to_owned());
+    require(tracked, "Cargo.lock is not committed".into());
+    let unforbidden = |name: &str| format!("{name}: no lint forbids unsafe code");
+    let forbidden = forbids("Cargo.toml", &[FORBIDDEN]);
+    require(forbidden, unforbidden("Cargo.toml"));
     for package in session.packages()? {
         let (name, manifest) = (text(&package["name"]), text(&package["manifest_path"]));
         let lints = ["\n[lints]\nworkspace = true\n", FORBIDDEN];
         let good = name == "fw-pac" || forbids(manifest, &lints);
-        rules.push((good, format!("{name}: {lint}")));
+        require(good, unforbidden(name));
     }
     for name in ["LICENSE-MIT", "LICENSE-APACHE", "README.md"] {
-        rules.push((exists(name), format!("{name} is missing")));
+        require(exists(name), format!("{name} is missing"));
     }
     for name in ["rust-toolchain", "rust-toolchain.toml"] {
         let reason = "breaks every cargo call where what it lists cannot be fetched";
-        rules.push((!exists(name), format!("{name}: {reason}")));
+        require(!exists(name), format!("{name}: {reason}"));
     }
-    let broken = rules.into_iter().filter(|(good, _)| !good);
-    let findings: Vec<_> = broken.map(|(_, finding)| finding).collect();
     passed_without(&findings, "licences, lock file, lints".into())
 }
 
@@ -129,15 +125,11 @@ fn built_of(session: &Session, package: &str) -> Result<BTreeMap<String, String>
 /// What the conditions of `cfg(…)`, `cfg_attr(…)` and `cfg!(…)` name besides `test` and `kani`.
 fn conditions(source: &str) -> Vec<&str> {
     let allowed = ["test", "kani", "not", "any", "all", ""];
-    let code = |line: &&str| !line.trim_start().starts_with("//");
-    let lines = source.lines().filter(code);
-    let conditions = lines.filter_map(|line| {
-        let whole = line.split_once("cfg(").or(line.split_once("cfg!("));
-        let whole = whole.and_then(|(_, condition)| condition.split([']', '{', ';']).next());
-        let first = || line.split_once("cfg_attr(")?.1.split(',').next();
-        whole.or_else(first)
-    });
-    let words = conditions.flat_map(|condition| condition.split(&['(', ')', ' ', ',', '=', '"']));
+    let patterns = [r"cfg!?\(([^\]{;]*)", r"cfg_attr\(([^,]*)"];
+    // In a line that does not begin with a comment.
+    let patterns = patterns.map(|cfg| format!(r"(?m)^ *(?:[^/\s].*?)?\b{cfg}"));
+    let conditions = patterns.iter().flat_map(|cfg| captures(source, cfg));
+    let words = conditions.flat_map(|found| found.split(['(', ')', ' ', '\n', ',', '=', '"']));
     words.filter(|word| !allowed.contains(word)).collect()
 }
 
@@ -163,7 +155,7 @@ pub fn size(session: &Session) -> Result<String> {
     let figure = format!("{lines} lines of Rust, {longest} in a file, {words} words in docs/");
     println!("  {figure}");
     let figures = json!({"rust_lines": lines, "file_lines": longest, "docs_words": words});
-    check_bars(session, "size", &figures)?;
+    budget.check("size", &figures)?;
     Ok(figure)
 }
 

@@ -9,12 +9,10 @@ use std::thread::{self, available_parallelism};
 use serde_json::Value;
 use xshell::{Cmd, cmd};
 
-use super::check_bars;
 use super::firmware::check_stack_use;
 use crate::budget::{self, Budget};
-use crate::error::{Context, Kind, Result, bail, ensure, fail};
-use crate::firmware::{BRINGUP, Program, RELEASE};
-use crate::process::{self, captures, installed};
+use crate::error::{Context, Error, Kind, Result, bail, ensure, fail};
+use crate::process::{self, captures};
 use crate::programs;
 use crate::session::Session;
 use crate::toolchain::{apt_install, in_rustlib};
@@ -32,29 +30,21 @@ pub fn exhaustive(session: &Session) -> Result<String> {
     run(tests.args(["--", EXHAUSTIVE]))
 }
 
-/// The tests with the firmware in the loop.
 const IN_THE_LOOP: &str = "test --release --test in_the_loop";
 
 /// Each test in a process of its own, as many at a time as there are processors: the emulator compiles the
 /// firmware as it runs, and each new page of code interrupts every processor that runs the same process.
 pub fn in_the_loop(session: &Session) -> Result<String> {
-    let failing = |features| {
-        session.build(Program {
-            features,
-            ..RELEASE
-        })
-    };
+    let firmware = |name, features| Ok::<_, Error>(session.build("fw-pac", name, features)?.path);
     let inputs = [
         ("ROBOT_ELF", session.image()?.path.clone()),
         ("ROBOT_PROGRAM", programs::build_pilot(session)?),
-        ("ROBOT_ELF_BRINGUP", session.build(BRINGUP)?.path),
-        ("ROBOT_ELF_PANIC", failing("test-panic")?.path),
-        ("ROBOT_ELF_OVERFLOW", failing("test-overflow")?.path),
+        ("ROBOT_ELF_BRINGUP", firmware("bringup", "")?),
+        ("ROBOT_ELF_PANIC", firmware("fw-pac", "test-panic")?),
+        ("ROBOT_ELF_OVERFLOW", firmware("fw-pac", "test-overflow")?),
     ];
-    let tests = session.cargo_on_host(IN_THE_LOOP)?;
-    let built = tests
-        .args(["--no-run", "--message-format", "json-render-diagnostics"])
-        .read()?;
+    let words = format!("{IN_THE_LOOP} --no-run --message-format json-render-diagnostics");
+    let built = session.cargo_on_host(&words)?.read()?;
     let program = captures(&built, r#""executable":"([^"]*/in_the_loop-[^"]*)""#);
     let program = program.first().context("cargo names no in_the_loop")?;
     let folder = session.root.join("tests");
@@ -84,7 +74,7 @@ fn apart(names: Vec<&str>, start: impl Fn(&str) -> io::Result<Output> + Sync) ->
             let verdict = captures(&text, r"(?m)^(test .* \.\.\. .*)$").concat();
             println!("{}", if success { &verdict } else { &*text });
             if let Ok(mut outcomes) = outcomes.lock() {
-                outcomes.push((name, success, results(&text).0));
+                outcomes.push((name, success, process::test_results(&text).0));
             }
         }
     };
@@ -94,7 +84,7 @@ fn apart(names: Vec<&str>, start: impl Fn(&str) -> io::Result<Output> + Sync) ->
     let failed = outcomes.iter().filter(|outcome| !outcome.1);
     let failed: Vec<_> = failed.map(|outcome| outcome.0).collect();
     let passed = outcomes.iter().map(|outcome| outcome.2).sum();
-    judge(passed, &failed.join(", "))
+    judge(passed, &failed)
 }
 
 /// Runs a script of `tests/` on the Pi's program and the ELF, by Python with what `requirements.txt` beside
@@ -126,7 +116,7 @@ fn install(session: &Session, package: &str, found: impl Fn() -> bool) -> Result
 /// The page of `robot serve`, in a browser without a screen.
 pub fn page(session: &Session) -> Result<String> {
     let browsers = ["chromium", "chromium-browser", "google-chrome"];
-    let found = || installed("chromedriver") && browsers.into_iter().any(installed);
+    let found = || session.has("chromedriver") && browsers.iter().any(|name| session.has(name));
     install(session, "chromium-driver", found)?;
     let tests = session.cargo_on_host(IN_THE_LOOP)?;
     let tests = tests.env("ROBOT_ELF", &session.image()?.path);
@@ -136,8 +126,7 @@ pub fn page(session: &Session) -> Result<String> {
 /// The core's arithmetic on another emulator of its processor, to the bit as on the host.
 pub fn qemu(session: &Session) -> Result<String> {
     const QEMU: &str = "qemu-system-arm";
-    let found = || installed(QEMU) || session.target.join("tools/bin").join(QEMU).is_file();
-    if !found() && apt_install(session, QEMU, 20).is_err() {
+    if !session.has(QEMU) && apt_install(session, QEMU, 20).is_err() {
         // Another package is in its way: the program alone.
         let unpacked = unpack(session, QEMU);
         unpacked.or_else(|error| fail(Kind::Skipped, format!("no {QEMU}: {error:#}")))?;
@@ -167,7 +156,9 @@ fn unpack(session: &Session, package: &str) -> Result<()> {
 /// The packages for the Pi: their programs, by QEMU.
 pub fn packages(session: &Session) -> Result<String> {
     let (sh, config) = (&session.sh, "host-link/config/first-board.toml");
-    install(session, "qemu-user-static", || installed("qemu-arm-static"))?;
+    install(session, "qemu-user-static", || {
+        session.has("qemu-arm-static")
+    })?;
     let packages = programs::packages(session)?;
     for (package, qemu) in &packages {
         let content = package.with_extension("content");
@@ -254,39 +245,21 @@ fn check_report(
     }
     let report = session.sh.read_file(file)?;
     let report = serde_json::from_str(&report).with_context(|| file.display().to_string())?;
-    let bars = check_bars(session, name, &report)?;
+    let bars = Budget::read(session)?.check(name, &report)?;
     ran.map(|_| (bars, report))
 }
 
 /// Runs tests; returns their number. A run without a test has tested nothing.
 fn run(tests: Cmd<'_>) -> Result<String> {
     let (success, text) = process::tee(tests)?;
-    let (passed, failed) = results(&text);
-    ensure!(
-        success || !failed.is_empty(),
-        "the tests did not end with 0"
-    );
+    let (passed, failed) = process::test_results(&text);
+    let named = success || !failed.is_empty();
+    ensure!(named, "the tests did not end with 0");
     judge(passed, &failed)
 }
 
-fn judge(passed: u32, failed: &str) -> Result<String> {
-    ensure!(failed.is_empty(), "failed: {failed}");
+fn judge(passed: u32, failed: &[&str]) -> Result<String> {
+    ensure!(failed.is_empty(), "failed: {}", failed.join(", "));
     ensure!(passed > 0, "no test ran");
     Ok(format!("{passed} tests"))
-}
-
-/// How many tests of all binaries passed, and the names of those that failed.
-fn results(text: &str) -> (u32, String) {
-    let passed = captures(text, r"(?m)^test result: .*? (\d+) passed");
-    let passed = passed.iter().map(|count| count.parse().unwrap_or(0));
-    let failed = captures(text, r"(?m)^test (.*) \.\.\. FAILED$");
-    (passed.sum(), failed.join(", "))
-}
-
-#[test]
-fn tests_are_counted_and_failures_named() {
-    let text = "test a::b ... ok\ntest a::c ... FAILED\ntest d ... FAILED\n\
-                test result: FAILED. 12 passed; 1 failed; 1 ignored; 0 measured\nnoise\n\
-                test result: ok. 3 passed; 0 failed; 0 ignored; finished in 1.20s\n";
-    assert_eq!(results(text), (15, "a::c, d".into()));
 }
