@@ -31,6 +31,7 @@ const COLOURS: [RGBColor; 4] = [
 ];
 const WIDTH: u32 = 1300;
 const PANEL_HEIGHT: u32 = 380;
+const HEAD_PX: u32 = 36;
 
 /// The panels as a PNG file.
 ///
@@ -49,7 +50,7 @@ pub fn draw(panels: &[Panel]) -> Result<Vec<u8>, PlotError> {
 }
 
 fn draw_panel(area: &Area<'_>, panel: &Panel) -> Drawn {
-    let (head, body) = area.split_vertically(36);
+    let (head, body) = area.split_vertically(HEAD_PX);
     let style = TextStyle::from((FONT, TEXT_PX + 2)).color(&INK);
     head.draw(&Text::new(panel.title.clone(), (70, 12), style.clone()))?;
     let title_px = i32::try_from(area.estimate_text_size(&panel.title, &style)?.0)?;
@@ -111,9 +112,12 @@ mod tests {
         };
         let (_, height, _) = decode(&draw(&[]).unwrap());
         assert_eq!(height, PANEL_HEIGHT);
-        let (_, height, pixels) = decode(&draw(&[panel.clone(), panel]).unwrap());
+        let (_, height, _) = decode(&draw(&[panel.clone(), panel.clone()]).unwrap());
         assert_eq!(height, 2 * PANEL_HEIGHT);
-        let RGBColor(r, g, b) = COLOURS[0];
-        assert!(pixels.chunks(3).any(|pixel| pixel == [r, g, b]));
+        let (_, _, pixels) = decode(&draw(&[panel]).unwrap());
+        let curves = &pixels[(3 * WIDTH * HEAD_PX) as usize..];
+        for RGBColor(r, g, b) in [COLOURS[0], INK] {
+            assert!(curves.chunks(3).any(|pixel| pixel == [r, g, b]));
+        }
     }
 }

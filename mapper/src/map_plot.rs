@@ -236,10 +236,23 @@ mod tests {
         let wall = Segment::new(Point::new(9000.0, -400.0), Point::new(9000.0, 400.0));
         let (width, _, pixels) = decode(&trajectory(&grid, &path, &path, &[wall]).unwrap());
         assert!(width > 1800, "as far as the walls: {width}");
-        assert!([WALL, ESTIMATE, START].iter().all(|&c| has(&pixels, c)));
-        // A real run has no truth, and its legend none either.
-        let (_, _, pixels) = decode(&trajectory(&grid, &path, &[], &[]).unwrap());
-        assert!(has(&pixels, ESTIMATE) && !has(&pixels, WALL) && !has(&pixels, TRUTH));
+        let picture = &pixels[3 * (width * HEAD_PX) as usize..];
+        assert!([WALL, ESTIMATE, START].iter().all(|&c| has(picture, c)));
+    }
+
+    #[test]
+    fn legend_names_what_is_given() {
+        let (grid, path) = (Grid::new(25.0), [Pose2::default(); 2]);
+        let wall = [Segment::new(Point::new(0.0, 0.0), Point::new(900.0, 0.0))];
+        // A real run has no truth.
+        for [estimate, truth, walls] in [[1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 0, 0]] {
+            let plot = trajectory(&grid, &path[..estimate], &path[..truth], &wall[..walls]);
+            let (width, _, pixels) = decode(&plot.unwrap());
+            let legend = &pixels[..3 * (width * HEAD_PX) as usize];
+            let found = [ESTIMATE, TRUTH, WALL, START].map(|colour| has(legend, colour));
+            let given = [estimate, truth, walls, estimate + truth].map(|count| count > 0);
+            assert_eq!(found, given);
+        }
     }
 
     #[test]

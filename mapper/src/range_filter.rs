@@ -167,6 +167,11 @@ mod tests {
                 &[0.0, 0.0],
             ),
             (
+                "silence repeated within 30 mm is the same measurement",
+                vec![(0.0, 0.0), (29.0, 0.0), (58.0, 0.0)],
+                &[0.0],
+            ),
+            (
                 "the robot's own motion explains the change",
                 vec![(0.0, 1000.0), (300.0, 700.0), (600.0, 400.0)],
                 &[1000.0, 700.0],

@@ -157,6 +157,8 @@ mod tests {
         for (x, y, expected) in [
             (500.0, 0.0, Cell::Free),
             (1000.0, 0.0, Cell::Occupied),
+            (985.0, 100.0, Cell::Occupied),
+            (985.0, -100.0, Cell::Occupied),
             (1100.0, 0.0, Cell::Unknown),
             (500.0, 300.0, Cell::Unknown),
             (-100.0, 0.0, Cell::Unknown),

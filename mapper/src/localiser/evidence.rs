@@ -261,7 +261,11 @@ mod tests {
 
     #[test]
     fn echo_without_bearing_occupies_arc_only_nearby() {
-        assert!(!occupied(&evidence_of(&[echo(600.0, Kind::Unclear, 0.2); 6])).is_empty());
+        let arc = evidence_of(&[echo(610.0, Kind::Unclear, 0.2); 6]).grid;
+        for off_rad in [-0.1, 0.0, 0.1] {
+            let at = Pose2::new(0.0, 0.0, off_rad).point_at(610.0, 0.0);
+            assert_eq!(arc.cell_at(at), Cell::Occupied, "{off_rad}");
+        }
         assert!(occupied(&evidence_of(&[echo(800.0, Kind::Unclear, 0.2); 6])).is_empty());
     }
 

@@ -112,6 +112,9 @@ fn stretch_enters_its_own_readings_where_it_matched_what_was_there_before() {
         let (grid, surfaces) = (localiser.grid(), &localiser.evidence.surfaces);
         let written = grid.cells().any(|(c, r)| grid.log_odds(c, r) != 0.0);
         assert_eq!(written, is_entered);
+        // In no echo's cone.
+        let silent = grid.log_odds_at(Point::new(302.0, 250.0));
+        assert_eq!(silent < 0.0, is_entered);
         assert_eq!(localiser.ekf.pose_covariance(), covariance);
         assert_eq!(localiser.evidence.walls_rad.is_some(), is_entered);
         let mut near = surfaces.near(Point::new(100.0, 600.0), 100.0);

@@ -150,6 +150,17 @@ fn straight_drive_with_gyro_reveals_wheel_ratio() {
 }
 
 #[test]
+fn turns_reveal_scale_of_gyro_where_the_track_is_known() {
+    let mut robot = Robot::new(12);
+    robot.ekf.covariance[(TURN, TURN)] = 0.0;
+    (robot.wheels, robot.gyro.0) = ([1.0; 2], 1.0 / 1.02);
+    robot.drive(60.0, -2.5, 2.5, true);
+    let (scale, deviation) = robot.ekf.calibration().gyro_scale;
+    assert!((scale - 1.02).abs() < 3.0 * deviation, "{scale}");
+    assert!(deviation < 0.002, "{deviation}");
+}
+
+#[test]
 fn measurement_counts_within_its_gate() {
     for (deviations, counts) in [(3.9, true), (4.1, false)] {
         let mut ekf = Robot::new(4).ekf;
@@ -238,6 +249,11 @@ fn majority_of_walls_is_direction_of_room() {
     }
     let direction = robot.ekf.walls_rad().unwrap();
     assert!(direction.abs() < 0.02, "{direction}");
+    // Where the heading is known, what was seen twice is between.
+    let mut ekf = Robot::new(7).ekf;
+    ekf.observe_wall(0.1);
+    ekf.observe_wall(0.12);
+    assert!((ekf.state[WALLS] - 0.11).abs() < 1e-9);
 }
 
 #[test]
@@ -296,13 +312,21 @@ fn covariance_turns_with_the_heading_and_grows_by_turns() {
 #[test]
 fn robot_put_elsewhere_knows_no_walls() {
     let mut robot = Robot::new(8);
+    robot.ekf.covariance[(2, 2)] = 0.01;
     robot.ekf.observe_wall(0.1);
-    let variance = robot.ekf.covariance[(WALLS, WALLS)];
-    assert!((variance - WALL_RAD * WALL_RAD).abs() < 1e-12);
+    for (at, expected) in [
+        ((WALLS, WALLS), 0.01 + WALL_RAD * WALL_RAD),
+        ((WALLS, 2), 0.01),
+        ((2, WALLS), 0.01),
+    ] {
+        assert!((robot.ekf.covariance[at] - expected).abs() < 1e-12);
+    }
     robot.drive(1.0, 4.0, 4.0, true);
     let mut ekf = robot.ekf;
     ekf.relocate(&Vector3::new(1.0, 2.0, 0.3), &Matrix3::identity());
     assert_eq!(ekf.walls_rad(), None);
+    assert_eq!(ekf.pose(), Pose2::new(1.0, 2.0, 0.3));
+    assert_eq!(ekf.pose_covariance(), Matrix3::identity());
     assert!(ekf.covariance.fixed_view::<3, { N - 3 }>(0, 3).norm() < 1e-12);
     assert!(ekf.covariance.fixed_view::<{ N - 3 }, 3>(3, 0).norm() < 1e-12);
 }
