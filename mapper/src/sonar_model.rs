@@ -157,14 +157,14 @@ mod tests {
         for (x, y, expected) in [
             (500.0, 0.0, Cell::Free),
             (1000.0, 0.0, Cell::Occupied),
-            (985.0, 100.0, Cell::Occupied),
-            (985.0, -100.0, Cell::Occupied),
             (1100.0, 0.0, Cell::Unknown),
             (500.0, 300.0, Cell::Unknown),
             (-100.0, 0.0, Cell::Unknown),
         ] {
             assert_eq!(cell(&grid, x, y), expected, "{x} {y}");
         }
+        let arc = [240.0, -240.0].map(|y_mm| grid.log_odds_at(Point::new(970.0, y_mm)));
+        assert!(arc[0] > 0.0 && (arc[0] - arc[1]).abs() < 1e-3, "{arc:?}");
     }
 
     #[test]
