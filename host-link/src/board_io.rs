@@ -2,37 +2,18 @@
 //! the Pi's own buses, the virtual board and the mock of the tests.
 
 use crate::error::Error;
-use crate::uart::LogSource;
 use embedded_hal::delay::DelayNs;
-use embedded_hal::digital::{self, InputPin, OutputPin};
+use embedded_hal::digital::{InputPin, OutputPin};
 use embedded_hal::i2c::{self, I2c};
 use embedded_hal::spi::{self, SpiDevice};
 use std::fmt::Debug;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// A monotonic clock, or a function as one. On the virtual board it shows virtual time, which only passes
-/// while the host waits or transfers.
-pub trait Clock {
-    /// Microseconds since some fixed instant.
-    fn micros(&mut self) -> u64;
-
-    /// Whether it goes on while the host works.
-    fn goes_on(&self) -> bool {
-        true
-    }
-}
-
-impl<F: FnMut() -> u64> Clock for F {
-    fn micros(&mut self) -> u64 {
-        self()
-    }
-}
-
-/// An output line whose driver is not known here.
-pub type DynOutput = dyn OutputPin<Error = IoError>;
-/// An input line whose driver is not known here.
-pub type DynInput = dyn InputPin<Error = IoError>;
+/// Drives a line high (`true`) or low.
+pub type OutputLine = Box<dyn FnMut(bool) -> Result<(), IoError>>;
+/// Whether a line is high.
+pub type InputLine = Box<dyn FnMut() -> Result<bool, IoError>>;
 
 /// Everything that connects the Pi with one board.
 // Requirement: DOC-3.2-2
@@ -42,19 +23,22 @@ pub struct BoardIo {
     /// The EEPROM's bus.
     pub i2c: Box<dyn I2c<Error = IoError>>,
     /// NRST: low holds the STM in reset, high *releases* the line (open drain), it never drives it.
-    pub reset: Box<DynOutput>,
+    pub reset: OutputLine,
     /// SELECT of the I2C switch: high = the Pi has the EEPROM's bus.
-    pub select: Box<DynOutput>,
+    pub select: OutputLine,
     /// `WP_EEPROM`: high = write-protected.
-    pub protect: Box<DynOutput>,
+    pub protect: OutputLine,
     /// `STM_READY`: high = configured.
-    pub ready: Box<DynInput>,
+    pub ready: InputLine,
     /// Waiting.
     pub delay: Box<dyn DelayNs>,
-    /// Time.
-    pub clock: Box<dyn Clock>,
-    /// The STM's UART log.
-    pub log: Box<dyn LogSource>,
+    /// Microseconds since some fixed instant. On the virtual board they only pass while the host waits or
+    /// transfers.
+    pub clock: Box<dyn FnMut() -> u64>,
+    /// Whether the clock goes on while the host works.
+    pub real_time: bool,
+    /// The bytes of the STM's UART log that came since the last call; never waits.
+    pub log: Box<dyn FnMut() -> Result<Vec<u8>, Error>>,
     /// Raised by Ctrl-C: every wait and every loop checks it.
     pub interrupt: Interrupt,
 }
@@ -76,7 +60,7 @@ impl BoardIo {
     /// # Errors
     /// [`Error::Pin`].
     pub fn set_protect(&mut self, protected: bool) -> Result<(), Error> {
-        drive(&mut *self.protect, "WP_EEPROM", protected)
+        retry("WP_EEPROM", || (self.protect)(protected))
     }
 
     /// Switches the EEPROM's bus to the Pi (`true`) or to the STM.
@@ -84,7 +68,7 @@ impl BoardIo {
     /// # Errors
     /// [`Error::Pin`].
     pub fn set_select(&mut self, selected: bool) -> Result<(), Error> {
-        drive(&mut *self.select, "SELECT", selected)
+        retry("SELECT", || (self.select)(selected))
     }
 
     /// Holds the STM in reset (`true`) or releases it.
@@ -92,7 +76,7 @@ impl BoardIo {
     /// # Errors
     /// [`Error::Pin`].
     pub fn set_reset(&mut self, held: bool) -> Result<(), Error> {
-        drive(&mut *self.reset, "RESET", !held)
+        retry("RESET", || (self.reset)(!held))
     }
 
     /// Whether `STM_READY` is high.
@@ -100,12 +84,8 @@ impl BoardIo {
     /// # Errors
     /// [`Error::Pin`].
     pub fn is_ready(&mut self) -> Result<bool, Error> {
-        retry("STM_READY", || self.ready.is_high())
+        retry("STM_READY", || (self.ready)())
     }
-}
-
-fn drive(line: &mut DynOutput, net: &'static str, high: bool) -> Result<(), Error> {
-    retry(net, || line.set_state(high.into()))
 }
 
 /// Tries `act` up to three times: one disturbed system call must not leave a line where it is.
@@ -141,71 +121,24 @@ macro_rules! erased {
     )+};
 }
 
-erased!(digital, i2c, spi);
+erased!(i2c, spi);
 
-/// A line behind a function.
-struct FunctionLine<F>(F);
-
-impl<F> digital::ErrorType for FunctionLine<F> {
-    type Error = IoError;
+/// The line of an output pin.
+pub fn output(mut pin: impl OutputPin + 'static) -> OutputLine {
+    Box::new(move |high| pin.set_state(high.into()).map_err(IoError::new))
 }
 
-impl<F: FnMut(bool) -> Result<(), IoError>> OutputPin for FunctionLine<F> {
-    fn set_low(&mut self) -> Result<(), IoError> {
-        self.0(false)
-    }
-
-    fn set_high(&mut self) -> Result<(), IoError> {
-        self.0(true)
-    }
-}
-
-impl<F: FnMut() -> Result<bool, IoError>> InputPin for FunctionLine<F> {
-    fn is_high(&mut self) -> Result<bool, IoError> {
-        self.0()
-    }
-
-    fn is_low(&mut self) -> Result<bool, IoError> {
-        self.0().map(|high| !high)
-    }
-}
-
-/// A line that `set` drives high (`true`) or low.
-pub fn output(set: impl FnMut(bool) -> Result<(), IoError> + 'static) -> Box<DynOutput> {
-    Box::new(FunctionLine(set))
-}
-
-/// A line of which `is_high` reads the level.
-pub fn input(is_high: impl FnMut() -> Result<bool, IoError> + 'static) -> Box<DynInput> {
-    Box::new(FunctionLine(is_high))
+/// The line of an input pin.
+pub fn input(mut pin: impl InputPin + 'static) -> InputLine {
+    Box::new(move || pin.is_high().map_err(IoError::new))
 }
 
 /// A driver with its error type replaced by [`IoError`].
 pub struct Erased<T>(T);
 
-/// Makes a field of [`BoardIo`] of any embedded-hal driver.
+/// Makes a field of [`BoardIo`] of any driver of I2C or SPI.
 pub fn erase<T>(driver: T) -> Box<Erased<T>> {
     Box::new(Erased(driver))
-}
-
-impl<T: OutputPin> OutputPin for Erased<T> {
-    fn set_low(&mut self) -> Result<(), IoError> {
-        self.0.set_low().map_err(IoError::new)
-    }
-
-    fn set_high(&mut self) -> Result<(), IoError> {
-        self.0.set_high().map_err(IoError::new)
-    }
-}
-
-impl<T: InputPin> InputPin for Erased<T> {
-    fn is_high(&mut self) -> Result<bool, IoError> {
-        self.0.is_high().map_err(IoError::new)
-    }
-
-    fn is_low(&mut self) -> Result<bool, IoError> {
-        self.0.is_low().map_err(IoError::new)
-    }
 }
 
 impl<T: I2c> I2c for Erased<T> {
@@ -287,21 +220,5 @@ fn interrupt_guard_raises_when_dropped() {
     // Every loop ends, not only the first that checks it.
     for _ in 0..2 {
         assert_eq!(interrupt.check(), Err(Error::Interrupted));
-    }
-}
-
-#[test]
-fn erased_line_keeps_its_level() {
-    let level = std::rc::Rc::new(std::cell::Cell::new(false));
-    let driven = level.clone();
-    let mut line = erase(FunctionLine(move |high: bool| {
-        driven.set(high);
-        Ok(())
-    }));
-    for high in [true, false] {
-        line.set_state(high.into()).unwrap();
-        assert_eq!(level.get(), high);
-        let mut line = erase(FunctionLine(move || Ok(high)));
-        assert_eq!((line.is_high(), line.is_low()), (Ok(high), Ok(!high)));
     }
 }

@@ -1,6 +1,6 @@
 //! The exchange of one frame per chip-select, and the statistics of this end.
 
-use crate::board_io::{Clock, IoError};
+use crate::board_io::IoError;
 use crate::error::Error;
 use crate::statistics::{LinkStatistics, RejectCounts};
 use embedded_hal::spi::{Operation, SpiDevice};
@@ -71,7 +71,7 @@ impl Link {
     pub fn exchange(
         &mut self,
         spi: &mut dyn SpiDevice<Error = IoError>,
-        clock: &mut dyn Clock,
+        clock: &mut dyn FnMut() -> u64,
         command: &Command,
     ) -> Result<Result<Report, FrameError>, Error> {
         let mut out = [0; MAX_FRAME];
@@ -81,7 +81,7 @@ impl Link {
             let long = format!("a chain of {len} bytes exceeds the longest frame");
             return Err(Error::Spi(long));
         };
-        let begun_us = clock.micros();
+        let begun_us = clock();
         self.round_trip.sent(begun_us);
         let ended_us = self.transfer(spi, clock, out, back)?;
         let transfer_us = ended_us.saturating_sub(begun_us);
@@ -123,7 +123,7 @@ impl Link {
     pub fn relay(
         &mut self,
         spi: &mut dyn SpiDevice<Error = IoError>,
-        clock: &mut dyn Clock,
+        clock: &mut dyn FnMut() -> u64,
         frame: &[u8],
         reply: &mut [u8],
     ) -> Result<Option<Report>, Error> {
@@ -139,12 +139,12 @@ impl Link {
     fn transfer(
         &mut self,
         spi: &mut dyn SpiDevice<Error = IoError>,
-        clock: &mut dyn Clock,
+        clock: &mut dyn FnMut() -> u64,
         out: &[u8],
         back: &mut [u8],
     ) -> Result<u64, Error> {
         transfer(spi, out, back, SETUP_NS)?;
-        let ended_us = clock.micros();
+        let ended_us = clock();
         // One more, since the clock counts whole microseconds.
         self.due_us = ended_us + u64::from(GAP_US) + 1;
         self.frames += 1;

@@ -4,10 +4,9 @@
 //! one ends, the kernel keeps them or makes them inputs, and the board pulls `WP_EEPROM` up and SELECT
 //! down.
 
-use crate::board_io::{BoardIo, Interrupt, erase};
+use crate::board_io::{BoardIo, Interrupt, IoError, erase, input, output};
 use crate::error::Error;
 use crate::uart::SerialPort;
-use embedded_hal::digital::{ErrorType, OutputPin};
 use linux_embedded_hal::gpio_cdev::{self, Chip, Line, LineHandle, LineRequestFlags};
 use linux_embedded_hal::spidev::{SpiModeFlags, SpidevOptions};
 use linux_embedded_hal::{CdevPin, CdevPinError, Delay, I2cdev, SpidevDevice};
@@ -59,7 +58,7 @@ pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<BoardIo, Error> {
     let select = pin("SELECT", SELECT, LineRequestFlags::OUTPUT, 0)?;
     let ready = pin("STM_READY", READY, LineRequestFlags::INPUT, 0)?;
     let line = chip.get_line(RESET).map_err(gpio_failed)?;
-    let reset = OpenDrain { line, low: None };
+    let mut reset = OpenDrain { line, low: None };
 
     // Requirement: DOC-2.1-5, WIRE-spi-4
     let spi_failed = |cause| Error::device(devices.spi.display(), cause, SPI_ADVICE);
@@ -74,19 +73,21 @@ pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<BoardIo, Error> {
     let i2c = I2cdev::new(&devices.i2c);
     let i2c = i2c.map_err(|cause| Error::device(devices.i2c.display(), cause, I2C_ADVICE))?;
 
+    let mut uart = SerialPort::new(&devices.uart);
     // The computer's monotonic clock.
     let start = Instant::now();
     let micros = move || u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
     Ok(BoardIo {
         spi: erase(spi),
         i2c: erase(i2c),
-        reset: erase(reset),
-        select: erase(select),
-        protect: erase(protect),
-        ready: erase(ready),
+        reset: Box::new(move |high| reset.set(high).map_err(IoError::new)),
+        select: output(select),
+        protect: output(protect),
+        ready: input(ready),
         delay: Box::new(Delay),
         clock: Box::new(micros),
-        log: Box::new(SerialPort::new(&devices.uart)),
+        real_time: true,
+        log: Box::new(move || uart.read_new()),
         interrupt,
     })
 }
@@ -117,27 +118,20 @@ const I2C_ADVICE: &str =
     "enable I2C (raspi-config, or dtparam=i2c_arm=on in config.txt) and join the group i2c";
 
 /// A line that is driven low or released to an input, never driven high.
-pub struct OpenDrain {
+struct OpenDrain {
     line: Line,
     low: Option<LineHandle>,
 }
 
-impl ErrorType for OpenDrain {
-    type Error = CdevPinError;
-}
-
-impl OutputPin for OpenDrain {
-    fn set_low(&mut self) -> Result<(), Self::Error> {
-        if self.low.is_none() {
+impl OpenDrain {
+    fn set(&mut self, high: bool) -> Result<(), CdevPinError> {
+        if !high && self.low.is_none() {
             self.low = Some(self.line.request(LineRequestFlags::OUTPUT, 0, "RESET")?);
+        } else if high {
+            // The line must be free before it can be asked for as an input, and stays one after that.
+            self.low = None;
+            self.line.request(LineRequestFlags::INPUT, 0, "RESET")?;
         }
-        Ok(())
-    }
-
-    fn set_high(&mut self) -> Result<(), Self::Error> {
-        // The line must be free before it can be asked for as an input, and stays one after that.
-        self.low = None;
-        self.line.request(LineRequestFlags::INPUT, 0, "RESET")?;
         Ok(())
     }
 }
@@ -145,6 +139,6 @@ impl OutputPin for OpenDrain {
 impl Drop for OpenDrain {
     fn drop(&mut self) {
         // A held reset line must not outlive the program.
-        let _ = self.set_high();
+        let _ = self.set(true);
     }
 }

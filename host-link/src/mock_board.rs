@@ -1,7 +1,7 @@
 //! A board in memory behind [`BoardIo`], with a fault at any chosen call. The real board's behaviour is
 //! tested on the virtual one.
 
-use crate::board_io::{BoardIo, Interrupt, IoError, input, output};
+use crate::board_io::{BoardIo, Interrupt, IoError, OutputLine};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::i2c::{self, I2c, Operation};
 use embedded_hal::spi::{self, SpiDevice};
@@ -335,9 +335,9 @@ pub fn mock_board(memory: &Image, fault: Option<IoFault>) -> (Shared, BoardIo) {
 pub fn reconnect(board: &Shared) -> BoardIo {
     let bus = || Box::new(MockBus(board.clone()));
     let [lines, clock, log] = [(); 3].map(|()| board.clone());
-    let line = |set: fn(&mut MockBoard, bool)| {
+    let line = |set: fn(&mut MockBoard, bool)| -> OutputLine {
         let board = board.clone();
-        output(move |high| {
+        Box::new(move |high| {
             let mut board = board.borrow_mut();
             board.call(false).map(|()| set(&mut board, high))
         })
@@ -348,12 +348,13 @@ pub fn reconnect(board: &Shared) -> BoardIo {
         reset: line(MockBoard::set_reset),
         select: line(MockBoard::set_select),
         protect: line(|board, high| board.protected = high),
-        ready: input(move || {
+        ready: Box::new(move || {
             let mut board = lines.borrow_mut();
             board.call(false).map(|()| board.ready())
         }),
         delay: bus(),
         clock: Box::new(move || clock.borrow().now_us),
+        real_time: true,
         log: Box::new(move || Ok(std::mem::take(&mut log.borrow_mut().log))),
         interrupt: board.borrow().interrupt.clone(),
     }

@@ -63,7 +63,7 @@ fn reset_line_that_cannot_be_held_is_released() {
     let (_, mut io) = mock_board(&fw_core::eeprom::Image::FIRST_BOARD, None);
     let released = Rc::new(Cell::new(false));
     let level = Rc::clone(&released);
-    io.reset = crate::board_io::output(move |high| {
+    io.reset = Box::new(move |high| {
         level.set(high);
         high.then_some(()).ok_or_else(injected)
     });

@@ -58,7 +58,7 @@ impl<'m> Session<'m> {
 
     /// A session by a configuration that is known already. `rate_hz` 0 counts as 1.
     pub fn with_config(io: &'m mut BoardIo, config: Config, rate_hz: u32) -> Self {
-        let now = io.clock.micros();
+        let now = (io.clock)();
         Self {
             link: Link::new(&config),
             period_us: u64::from(1_000_000 / rate_hz.max(1)),
@@ -134,7 +134,7 @@ impl<'m> Session<'m> {
 
     /// Now, microseconds on the board's clock.
     pub fn now_us(&mut self) -> u64 {
-        self.io.clock.micros()
+        (self.io.clock)()
     }
 
     /// Time to the next slot of the frame rate, microseconds; 0 once it has come.
@@ -161,7 +161,7 @@ impl<'m> Session<'m> {
         request: &CommandRequest,
     ) -> Result<Option<Report>, Error> {
         self.pace();
-        let now_us = self.io.clock.micros();
+        let now_us = (self.io.clock)();
         let command = self.command(request);
         let (spi, clock) = (&mut *self.io.spi, &mut *self.io.clock);
         match self.link.exchange(spi, clock, &command)? {
@@ -221,7 +221,7 @@ impl<'m> Session<'m> {
         if self.log_error.is_some() {
             return Vec::new();
         }
-        let bytes = self.io.log.read_new();
+        let bytes = (self.io.log)();
         self.log_error = bytes.as_ref().err().map(ToString::to_string);
         let bytes = bytes.unwrap_or_default();
         for (_, line) in self.lines.feed(&bytes) {

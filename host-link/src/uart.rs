@@ -1,4 +1,4 @@
-//! Sources of the STM's log: a serial device, or the virtual board's UART.
+//! The STM's log on a serial device.
 
 use crate::error::Error;
 use rustix::fs::{Mode, OFlags};
@@ -9,21 +9,6 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, channel};
 use std::thread;
 use std::time::Duration;
-
-/// The STM's log, or a function that reads one.
-pub trait LogSource {
-    /// The bytes that came since the last call; never waits.
-    ///
-    /// # Errors
-    /// [`Error::Device`].
-    fn read_new(&mut self) -> Result<Vec<u8>, Error>;
-}
-
-impl<F: FnMut() -> Result<Vec<u8>, Error>> LogSource for F {
-    fn read_new(&mut self) -> Result<Vec<u8>, Error> {
-        self()
-    }
-}
 
 /// A serial device, set to 115200 baud, raw. It is opened at the first read; earlier bytes are lost.
 pub struct SerialPort {
@@ -42,10 +27,12 @@ impl SerialPort {
             failure: None,
         }
     }
-}
 
-impl LogSource for SerialPort {
-    fn read_new(&mut self) -> Result<Vec<u8>, Error> {
+    /// The bytes that came since the last call; never waits.
+    ///
+    /// # Errors
+    /// [`Error::Device`].
+    pub fn read_new(&mut self) -> Result<Vec<u8>, Error> {
         let path = &self.path;
         let received = self.received.get_or_insert_with(|| spawn_reader(path));
         let mut fresh = Vec::new();

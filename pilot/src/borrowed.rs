@@ -7,9 +7,8 @@ use crate::serve::protocol::{Failure, Message, Request};
 use embedded_hal::delay::DelayNs;
 use embedded_hal::i2c::{self, I2c};
 use embedded_hal::spi::{self, SpiDevice};
-use host_link::board_io::{BoardIo, Clock, Interrupt, IoError, input, output};
+use host_link::board_io::{BoardIo, Interrupt, IoError, OutputLine};
 use host_link::error::Error;
-use host_link::uart::LogSource;
 use std::cell::RefCell;
 use std::rc::Rc;
 
@@ -40,21 +39,25 @@ impl Borrowed {
 
     /// Its lines and buses.
     pub fn io(&self, interrupt: Interrupt) -> BoardIo {
-        let line = |call: fn(bool) -> Call| {
+        let line = |call: fn(bool) -> Call| -> OutputLine {
             let robot = self.clone();
-            output(move |high| robot.run(call(high)))
+            Box::new(move |high| robot.run(call(high)))
         };
-        let ready = self.clone();
+        let [ready, clock, log] = [(); 3].map(|()| self.clone());
         BoardIo {
             spi: Box::new(self.clone()),
             i2c: Box::new(self.clone()),
             reset: line(Call::Reset),
             select: line(Call::Select),
             protect: line(Call::Protect),
-            ready: input(move || Ok(ready.call(Call::Ready)?.1 != 0)),
+            ready: Box::new(move || Ok(ready.call(Call::Ready)?.1 != 0)),
             delay: Box::new(self.clone()),
-            clock: Box::new(self.clone()),
-            log: Box::new(self.clone()),
+            clock: Box::new(move || clock.micros()),
+            real_time: true,
+            log: Box::new(move || {
+                let read = log.call(Call::Log).map(|(bytes, _)| bytes);
+                read.map_err(|why| Error::device("the STM's log", why, "`robot doctor` checks it"))
+            }),
             interrupt,
         }
     }
@@ -87,6 +90,14 @@ impl Borrowed {
 
     fn run(&self, call: Call) -> Result<(), IoError> {
         self.call(call).map(drop)
+    }
+
+    fn micros(&self) -> u64 {
+        let answer = self.call(Call::Clock);
+        let State { now_us, .. } = &mut *self.0.borrow_mut();
+        // Without an answer time stands still; the next transfer reports why.
+        *now_us = answer.map_or(*now_us, |(_, now)| now);
+        *now_us
     }
 }
 
@@ -150,22 +161,5 @@ impl DelayNs for Borrowed {
             let _ = self.run(Call::Delay(us));
             left_us -= us;
         }
-    }
-}
-
-impl Clock for Borrowed {
-    fn micros(&mut self) -> u64 {
-        let answer = self.call(Call::Clock);
-        let State { now_us, .. } = &mut *self.0.borrow_mut();
-        // Without an answer time stands still; the next transfer reports why.
-        *now_us = answer.map_or(*now_us, |(_, now)| now);
-        *now_us
-    }
-}
-
-impl LogSource for Borrowed {
-    fn read_new(&mut self) -> Result<Vec<u8>, Error> {
-        let read = self.call(Call::Log).map(|(bytes, _)| bytes);
-        read.map_err(|cause| Error::device("the STM's log", cause, "`robot doctor` checks it"))
     }
 }

@@ -3,7 +3,7 @@
 
 use crate::ground_truth::{GroundTruth, Point};
 use embedded_hal::i2c::{self, ErrorType, Operation};
-use host_link::board_io::{BoardIo, Clock, Interrupt, erase};
+use host_link::board_io::{BoardIo, Interrupt, erase, input, output};
 use host_link::eeprom::image;
 use host_link::error::Error;
 use host_link::file::{self, Kind};
@@ -117,7 +117,7 @@ fn io_with(
     interrupt: Interrupt,
     eeprom_file: Option<PathBuf>,
 ) -> BoardIo {
-    let (log, mut read) = (board.clone(), 0);
+    let (clock, log, mut read) = (board.clone(), board.clone(), 0);
     BoardIo {
         spi: erase(board.spi_with(SpiTiming {
             hz: spi_hz.into(),
@@ -129,30 +129,19 @@ fn io_with(
             file: eeprom_file,
             writes: 0,
         }),
-        reset: erase(board.pin(Line::Reset)),
-        select: erase(board.pin(Line::Select)),
-        protect: erase(board.pin(Line::WriteProtect)),
-        ready: erase(board.pin(Line::Ready)),
+        reset: output(board.pin(Line::Reset)),
+        select: output(board.pin(Line::Select)),
+        protect: output(board.pin(Line::WriteProtect)),
+        ready: input(board.pin(Line::Ready)),
         delay: Box::new(board.delay()),
-        clock: Box::new(VirtualClock(board.clone())),
+        clock: Box::new(move || clock.now_us()),
+        real_time: false,
         log: Box::new(move || {
             let fresh = log.uart_from(read);
             read += fresh.len();
             Ok(fresh)
         }),
         interrupt,
-    }
-}
-
-struct VirtualClock(Board);
-
-impl Clock for VirtualClock {
-    fn micros(&mut self) -> u64 {
-        self.0.now_us()
-    }
-
-    fn goes_on(&self) -> bool {
-        false
     }
 }
 

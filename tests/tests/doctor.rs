@@ -2,7 +2,7 @@
 
 use fw_core::eeprom::{Image, fields};
 use fw_core::wire::Mode;
-use host_link::board_io::{BoardIo, IoError, input, output};
+use host_link::board_io::{BoardIo, IoError};
 use host_link::eeprom::journal::Journal;
 use pilot::doctor::{Finding, Findings, Outcome, check_board, check_wheels};
 use robot_tests::test_board::{Rig, image_with_servo, near_walls};
@@ -65,9 +65,9 @@ fn doctor_fault_of_the_board_fails_its_check() {
     };
     let sound = || with_image(&image());
     let dead = |_| Err(IoError::new("dead"));
-    board("lines", sound(), &|_, io| io.reset = output(dead));
+    board("lines", sound(), &|_, io| io.reset = Box::new(dead));
     board("bus switch", sound(), &|rig, io| {
-        io.select = output(|_| Ok(()));
+        io.select = Box::new(|_| Ok(()));
         rig.switch_i2c(I2cController::Pi);
     });
     for (check, eeprom) in [("EEPROM", None), ("EEPROM key", Some(Vec::new()))] {
@@ -76,7 +76,7 @@ fn doctor_fault_of_the_board_fails_its_check() {
     let mut torn = image();
     torn.0[0x100] ^= 4;
     board("configuration", with_image(&torn), &|_, _| ());
-    board("READY", sound(), &|_, io| io.ready = input(|| Ok(false)));
+    board("READY", sound(), &|_, io| io.ready = Box::new(|| Ok(false)));
     let other_key = image().with(fields::KEY_FROM_STM, 0x11);
     board("link", sound(), &|rig, _| {
         let bytes = other_key.0.to_vec();

@@ -9,7 +9,7 @@ use embedded_hal::delay::DelayNs;
 use embedded_hal::i2c::{ErrorType, I2c, Operation};
 use fw_core::eeprom::{IMAGE_LEN, Image, fields};
 use fw_core::wire::Mode;
-use host_link::board_io::{BoardIo, DynOutput, IoError, input, output};
+use host_link::board_io::{BoardIo, IoError, OutputLine};
 use host_link::eeprom::journal::Journal;
 use host_link::eeprom::program;
 use host_link::eeprom::repair::{Repaired, repair};
@@ -70,9 +70,9 @@ impl DelayNs for Called<Box<dyn DelayNs>> {
 }
 
 fn called(io: BoardIo, process: &Process) -> BoardIo {
-    let line = |mut inner: Box<DynOutput>| {
+    let line = |mut inner: OutputLine| -> OutputLine {
         let process = Rc::clone(process);
-        output(move |high| call(&process, || inner.set_state(high.into()), |()| true))
+        Box::new(move |high| call(&process, || inner(high), |()| true))
     };
     let (reader, mut ready) = (Rc::clone(process), io.ready);
     BoardIo {
@@ -80,7 +80,7 @@ fn called(io: BoardIo, process: &Process) -> BoardIo {
         reset: line(io.reset),
         select: line(io.select),
         protect: line(io.protect),
-        ready: input(move || call(&reader, || ready.is_high(), |&high| high)),
+        ready: Box::new(move || call(&reader, &mut ready, |&high| high)),
         delay: Box::new(Called(io.delay, Rc::clone(process))),
         ..io
     }

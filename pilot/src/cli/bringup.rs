@@ -5,7 +5,7 @@ use super::connection::{Context, interrupt, open_linux};
 use super::doctor;
 use host_link::error::{Error, Exit};
 use host_link::file;
-use host_link::uart::{LogSource, SerialPort};
+use host_link::uart::SerialPort;
 use pilot::doctor::Findings;
 use pilot::doctor::bringup;
 use std::fs;

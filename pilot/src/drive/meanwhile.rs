@@ -21,7 +21,7 @@ pub fn meanwhile<T: Send>(
     work: impl FnOnce() -> T + Send,
     mut watch: impl FnMut(&mut Session<'_>) -> Result<(), Error>,
 ) -> Result<T, Error> {
-    if !session.io().clock.goes_on() {
+    if !session.io().real_time {
         return Ok(work());
     }
     let good_us = session.now_us() + GOOD_US;

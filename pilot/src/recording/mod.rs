@@ -61,7 +61,7 @@ impl Recorder {
     /// [`Error::Unwritable`]; those of [`eeprom::read`] and [`Settings::from_image`].
     pub fn of(io: &mut BoardIo, path: &Path, body_mm: f64) -> Result<Self, Error> {
         let settings = Settings::from_image(&eeprom::read(io)?)?;
-        Self::create(path, &settings, body_mm, io.clock.micros())
+        Self::create(path, &settings, body_mm, (io.clock)())
     }
 
     /// Begins the file, with the settings. They are written before it is seen at its path.

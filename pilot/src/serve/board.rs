@@ -63,12 +63,12 @@ impl Call {
                 bytes = vec![0; *read];
                 io.i2c.write_read(*address, write, &mut bytes)?;
             }
-            Self::Reset(high) => io.reset.set_state((*high).into())?,
-            Self::Select(high) => io.select.set_state((*high).into())?,
-            Self::Protect(high) => io.protect.set_state((*high).into())?,
-            Self::Ready => number = io.ready.is_high()?.into(),
+            Self::Reset(high) => (io.reset)(*high)?,
+            Self::Select(high) => (io.select)(*high)?,
+            Self::Protect(high) => (io.protect)(*high)?,
+            Self::Ready => number = (io.ready)()?.into(),
             Self::Delay(us) => io.delay.delay_us(*us),
-            Self::Clock => number = io.clock.micros(),
+            Self::Clock => number = (io.clock)(),
             Self::Spi(_) | Self::Log => {}
         }
         Ok((bytes, number))

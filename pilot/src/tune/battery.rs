@@ -38,7 +38,7 @@ pub fn measure_upper_resistor(
         )));
     }
     let code = code(volts)?;
-    session.io().log.read_new()?;
+    (session.io().log)()?;
     for _ in 0..WARM_UP {
         session.exchange(&CommandRequest::default())?;
     }
@@ -53,7 +53,7 @@ pub fn measure_upper_resistor(
     let mut answers = Vec::new();
     for _ in 0..FRAMES {
         session.exchange(&request)?;
-        for line in lines.feed(&session.io().log.read_new()?) {
+        for line in lines.feed(&(session.io().log)()?) {
             match line {
                 (_, LogLine::Tuned { tap, ohm }) if tap == cell => answers.push(ohm),
                 _ => {}

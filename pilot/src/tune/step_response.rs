@@ -66,7 +66,7 @@ pub fn run(
         origin: None,
     };
     // Earlier lines of the log belong to no step.
-    stepping.session.io().log.read_new()?;
+    (stepping.session.io().log)()?;
     for level in &plan.levels {
         for percent in [*level, -level] {
             stepping.hold(0.0, plan.rest_s, plan.travel)?;
@@ -95,7 +95,7 @@ impl StepRunner<'_, '_> {
             let measured = self.frame(percent)?;
             let now_us = self.session.now_us();
             let samples = self.recorder.samples().len();
-            self.recorder.feed(&self.session.io().log.read_new()?);
+            self.recorder.feed(&(self.session.io().log)()?);
             if self.recorder.samples().len() > samples {
                 self.sampled_us = Some(now_us);
             } else if now_us.saturating_sub(*self.sampled_us.get_or_insert(now_us)) > LOG_TIMEOUT_US

@@ -333,7 +333,7 @@ impl Server {
                 self.new_map();
             }
             self.map.waiting.push(exploring::observation(&sample));
-            if self.loan.is_some() && session.io().clock.goes_on() {
+            if self.loan.is_some() && session.io().real_time {
                 // A borrower's frames wait for nothing.
                 self.map.collect(false);
                 self.show(session)?;

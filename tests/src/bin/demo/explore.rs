@@ -28,7 +28,7 @@ pub fn run(
     let mut reports = 0;
     // What the demo wrote: to read it again would only cost the robot's time.
     let settings = exploration::settings()?;
-    let begun_us = machine.clock.micros();
+    let begun_us = (machine.clock)();
     let mut recorder = Recorder::create(&out.join("recording.mcap"), &settings, BODY_MM, begun_us)?;
     let run = exploration::explore(machine, board, |step| {
         recorder.record(&step.sample, step.snapshot);
