@@ -4,8 +4,8 @@
 use crate::statistics::{RejectCounts, StmStatistics};
 use fw_core::wire::Cause;
 
-/// The longest line kept; the STM's are shorter.
-const LONGEST: usize = 256;
+/// The longest line kept, bytes; the STM's are shorter.
+pub const LONGEST: usize = 256;
 
 /// What a line of the log says.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,13 +37,13 @@ pub struct Lines(Vec<u8>);
 
 impl Lines {
     /// Takes bytes in pieces of any size; returns the lines they complete without their ends, of a line longer
-    /// than `longest` bytes that many and one more.
-    pub fn feed(&mut self, bytes: &[u8], longest: usize) -> Vec<Vec<u8>> {
+    /// than [`LONGEST`] that many and one more.
+    pub fn feed(&mut self, bytes: &[u8]) -> Vec<Vec<u8>> {
         let mut lines = Vec::new();
         for &byte in bytes {
             if byte == b'\n' {
                 lines.push(std::mem::take(&mut self.0));
-            } else if self.0.len() <= longest {
+            } else if self.0.len() <= LONGEST {
                 self.0.push(byte);
             }
         }
@@ -59,7 +59,7 @@ impl LogParser {
     /// Takes bytes as they come, in pieces of any size; returns the lines of the log's form that they complete,
     /// each with the number that every line of the log takes: 0 to 99999 and again.
     pub fn feed(&mut self, bytes: &[u8]) -> Vec<(u32, LogLine)> {
-        let lines = self.0.feed(bytes, LONGEST);
+        let lines = self.0.feed(bytes);
         lines.iter().filter_map(|line| parse(line)).collect()
     }
 }

@@ -56,7 +56,7 @@ pub fn log(context: Context<'_>) -> Result<(), Error> {
         loop {
             io.interrupt.check()?;
             Output::check_reader()?;
-            for line in lines.feed(&(io.log)()?, 256) {
+            for line in lines.feed(&(io.log)()?) {
                 show(String::from_utf8_lossy(&line).trim_end().to_string())?;
             }
             io.delay.delay_us(LOOK_US);

@@ -5,12 +5,9 @@ use crate::serve::hub::ClientId;
 use crate::serve::protocol::{Activity, Failure, Message, VERSION};
 use crate::serve::tiles::Tiles;
 use host_link::error::Error;
-use host_link::log::Lines;
+use host_link::log::{LONGEST, Lines};
 use std::collections::BTreeMap;
 use std::sync::Arc;
-
-/// Longest line of the log, bytes.
-const MAX_LOG_LINE: usize = 256;
 
 impl Server {
     /// Sends the frame, the log and the map to those who watch.
@@ -105,9 +102,9 @@ impl Server {
 
 /// The messages of the lines that these bytes complete.
 fn log_lines(lines: &mut Lines, bytes: &[u8]) -> Vec<Arc<str>> {
-    let lines = lines.feed(bytes, MAX_LOG_LINE).into_iter();
+    let lines = lines.feed(bytes).into_iter();
     let lines = lines.map(|line| String::from_utf8_lossy(&line).trim_end().to_owned());
-    let lines = lines.filter(|line| line.len() <= MAX_LOG_LINE);
+    let lines = lines.filter(|line| line.len() <= LONGEST);
     lines.map(|line| text(&Message::Log { line })).collect()
 }
 
@@ -119,7 +116,7 @@ fn text(message: &Message) -> Arc<str> {
 
 #[test]
 fn lines_of_the_log_are_whole_or_left_out() {
-    let (mut begun, long) = (Lines::default(), "x".repeat(MAX_LOG_LINE));
+    let (mut begun, long) = (Lines::default(), "x".repeat(LONGEST));
     for (bytes, expected) in [
         ("I00001: a\nI0000", &["I00001: a"][..]),
         ("2: b\n", &["I00002: b"]),
