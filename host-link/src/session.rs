@@ -294,6 +294,26 @@ impl<'m> Session<'m> {
         Ok(())
     }
 
+    /// Exchanges frames without a command and reads the log for so many microseconds. Returns what the robot
+    /// reported, how many bytes its log had, and what ended the exchange early.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`].
+    pub fn observe(&mut self, us: u64) -> Result<(Snapshot, usize, Option<Error>), Error> {
+        let ends_us = self.now_us() + us;
+        let (mut logged, mut ended) = (self.poll_log().len(), None);
+        while ended.is_none() && self.now_us() < ends_us {
+            ended = self.exchange(&CommandRequest::default()).err();
+            logged += self.poll_log().len();
+        }
+        if ended == Some(Error::Interrupted) {
+            return Err(Error::Interrupted);
+        }
+        let mut seen = self.snapshot.clone();
+        seen.link = self.statistics();
+        Ok((seen, logged, ended))
+    }
+
     /// In guarded modes: clears the fault of the silence before this session and resumes. In Normal
     /// mode the first frame with the apply bit does that.
     ///

@@ -398,3 +398,17 @@ fn session_clears_the_rejections_of_its_own_start_only() {
         assert_eq!(board.borrow().report.faults, Faults::FRAME_REJECTED);
     }
 }
+
+#[test]
+fn observation_ends_with_its_time_or_an_error() {
+    let (board, mut io) = mock_board(&image(2), None);
+    let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+    board.borrow_mut().log = b"I00000: ready\n".to_vec();
+    let (seen, logged, ended) = session.observe(500_000).unwrap();
+    assert_eq!((seen.link.frames, logged, ended), (21, 14, None));
+    board.borrow_mut().fault = Some(IoFault::BusesFail(0));
+    let (seen, _, ended) = session.observe(500_000).unwrap();
+    assert!(seen.link.frames == 21 && matches!(ended, Some(Error::Spi(_))));
+    session.io().interrupt.raise();
+    assert_eq!(session.observe(500_000), Err(Error::Interrupted));
+}

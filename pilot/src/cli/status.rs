@@ -5,7 +5,6 @@ use super::connection::Context;
 use super::monitor;
 use host_link::board_io::BoardIo;
 use host_link::error::{Error, Exit};
-use host_link::session::CommandRequest;
 use host_link::snapshot::Snapshot;
 use host_link::{eeprom, reset, settings};
 use pilot::client::Client;
@@ -68,18 +67,7 @@ fn linked(
     context: Context<'_>,
 ) -> Result<(Summary, Exit), Error> {
     let mut session = context.open_session(io)?;
-    let ends_us = session.now_us() + u64::from(status.ms) * 1000;
-    let mut outcome = Ok(());
-    session.poll_log();
-    while outcome.is_ok() && session.now_us() < ends_us {
-        outcome = session.exchange(&CommandRequest::default()).map(|_| ());
-        session.poll_log();
-    }
-    if outcome == Err(Error::Interrupted) {
-        return Err(Error::Interrupted);
-    }
-    let mut report = session.snapshot().clone();
-    report.link = session.statistics();
+    let (report, _, ended) = session.observe(u64::from(status.ms) * 1000)?;
     let mut hints = hints::diagnose(&report, session.config());
     if report.stm.is_none() {
         hints.push(match session.log_error() {
@@ -89,13 +77,13 @@ fn linked(
                     .into(),
             });
     }
-    let exit = outcome.as_ref().err().map_or(Exit::Ok, Error::exit);
+    let exit = ended.as_ref().map_or(Exit::Ok, Error::exit);
     let seen = Summary {
         ready: true,
         report: Some(report),
         stop_deadline_ms: Some(session.config().stop_deadline().0),
         hints,
-        error: outcome.err().map(|error| error.to_string()),
+        error: ended.map(|error| error.to_string()),
         exit: exit.code(),
     };
     Ok((seen, exit))

@@ -8,7 +8,7 @@ use host_link::board_io::BoardIo;
 use host_link::eeprom::{self, chip};
 use host_link::error::Error;
 use host_link::reset;
-use host_link::session::{CommandRequest, Session};
+use host_link::session::Session;
 use host_link::settings;
 use host_link::snapshot::Snapshot;
 
@@ -120,29 +120,18 @@ fn link(
     findings: &mut Findings,
 ) -> Result<(), Error> {
     let mut session = Session::with_config(io, config.clone(), rate_hz);
-    let ends_us = session.now_us() + LINK_US;
-    let mut outcome = Ok(());
-    let mut logged = session.poll_log().len();
-    while outcome.is_ok() && session.now_us() < ends_us {
-        outcome = session.exchange(&CommandRequest::default()).map(|_| ());
-        logged += session.poll_log().len();
-    }
-    if outcome == Err(Error::Interrupted) {
-        return Err(Error::Interrupted);
-    }
-    let mut snapshot = session.snapshot().clone();
-    snapshot.link = session.statistics();
+    let (mut snapshot, logged, ended) = session.observe(LINK_US)?;
     let log_error = session.log_error().map(str::to_owned);
     let faults = std::mem::take(&mut snapshot.faults);
     let hints = hints::diagnose(&snapshot, config);
-    match (outcome, hints.as_slice()) {
-        (Err(error), _) => {
+    match (ended, hints.as_slice()) {
+        (Some(error), _) => {
             findings.fail("link", error.to_string(), LINK_ADVICE);
             findings.skip(&AFTER_EEPROM[4..], "no frames come");
             return Ok(());
         }
-        (Ok(()), []) => findings.pass("link", quality(&snapshot)),
-        (Ok(()), hints) => findings.fail("link", hints.join("; "), LINK_ADVICE),
+        (None, []) => findings.pass("link", quality(&snapshot)),
+        (None, hints) => findings.fail("link", hints.join("; "), LINK_ADVICE),
     }
     log(&snapshot, log_error, logged, findings);
     let own_checks = Faults::LINK_LOST
