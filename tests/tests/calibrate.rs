@@ -11,7 +11,6 @@ use pilot::calibrate::run::{run, square, straight};
 use pilot::calibrate::umbmark::{self, SquareRun};
 use pilot::calibrate::wheel_geometry::WheelGeometry;
 use pilot::calibrate::wheel_path::WheelPath;
-use pilot::drive::ArrivalCriteria;
 use pilot::ground_truth::GroundTruth;
 use pilot::virtual_board::SimulatedTape;
 use robot_tests::reference::original_image;
@@ -39,7 +38,7 @@ struct Robot {
 fn drive(robot: &mut Robot, way: &[Pose]) -> WheelPath {
     robot.tape.put_back();
     let mut session = Session::open(&mut robot.io, 40, 1000).expect("a session");
-    run(&mut session, way, &ArrivalCriteria::default(), |_| {}).expect("a run")
+    run(&mut session, way, |_| {}).expect("a run")
 }
 
 fn write(io: &mut BoardIo, figures: &WheelGeometry) {

@@ -4,9 +4,11 @@
 use super::wheel_geometry::WheelGeometry;
 use super::wheel_path::WheelPath;
 use crate::drive::{ArrivalCriteria, MAX_UNANSWERED, follow, resume_to_pose};
+use crate::mapping::mapper_pose;
 use host_link::error::Error;
 use host_link::pose::Pose;
 use host_link::session::Session;
+use mapper::Segment;
 use std::ops::RangeInclusive;
 
 /// Largest reported distance from the straight line between two corners, millimetres.
@@ -42,23 +44,25 @@ pub fn square(side_mm: f64, clockwise: bool) -> Vec<Pose> {
 pub fn run(
     session: &mut Session<'_>,
     waypoints: &[Pose],
-    criteria: &ArrivalCriteria,
     mut reached: impl FnMut(usize),
 ) -> Result<WheelPath, Error> {
     resume_to_pose(session)?;
     let start = session.snapshot().pose.unwrap_or_default();
     let mut path = WheelPath::new(WheelGeometry::from_config(session.config()));
     path.push(start);
+    let criteria = ArrivalCriteria::default();
+    let point = |pose: Pose| mapper_pose(pose).position();
     let mut from = start;
     for (index, there) in waypoints.iter().enumerate() {
         let target = there.in_frame_of(start);
-        follow(session, target, criteria, |session, report, _| {
+        let leg = Segment::new(point(from), point(target));
+        follow(session, target, &criteria, |session, report, _| {
             session.check_answered(MAX_UNANSWERED)?;
             let Some(pose) = report.and(session.snapshot().pose) else {
                 return Ok(());
             };
             path.push(pose);
-            let off = cross_track_mm(from, target, pose);
+            let off = leg.distance_mm(point(pose));
             if off > MAX_CROSS_TRACK_MM {
                 return Err(Error::Calibration(format!(
                     "the robot is {off:.0} mm beside its path; accepted are {MAX_CROSS_TRACK_MM:.0} mm"
@@ -73,12 +77,4 @@ pub fn run(
         return Err(Error::Calibration("nothing moved".into()));
     }
     Ok(path)
-}
-
-/// Distance of `pose` from the straight line between two places, millimetres.
-fn cross_track_mm(from: Pose, to: Pose, pose: Pose) -> f64 {
-    let (dx, dy) = (to.x_mm - from.x_mm, to.y_mm - from.y_mm);
-    let (px, py) = (pose.x_mm - from.x_mm, pose.y_mm - from.y_mm);
-    let along = ((px * dx + py * dy) / (dx * dx + dy * dy).max(1e-9)).clamp(0.0, 1.0);
-    (px - along * dx).hypot(py - along * dy)
 }

@@ -6,7 +6,6 @@ use super::run::{self, square, straight};
 use super::umbmark::{self, SquareRun};
 use super::wheel_geometry::WheelGeometry;
 use super::wheel_path::WheelPath;
-use crate::drive::ArrivalCriteria;
 use crate::ground_truth::Point;
 use fw_core::eeprom::Image;
 use host_link::board_io::BoardIo;
@@ -209,7 +208,7 @@ fn track_wrong_by_fifth_is_rejected() {
 
 fn drive(io: &mut BoardIo, way: &[Pose]) -> Result<WheelPath, Error> {
     let mut session = Session::open(io, 40, 100)?;
-    run::run(&mut session, way, &ArrivalCriteria::default(), |_| {})
+    run::run(&mut session, way, |_| {})
 }
 
 /// The last command keeps the robot where it is.

@@ -4,6 +4,7 @@
 use super::wheel_geometry::WheelGeometry;
 use crate::ground_truth::Point;
 use host_link::pose::Pose;
+use mapper::Pose2;
 use serde::{Deserialize, Serialize};
 
 /// The wheel distances of a run, report by report.
@@ -69,17 +70,11 @@ impl WheelPath {
     pub fn end_with(&self, wheels: &WheelGeometry) -> Point {
         let left_scale = wheels.left_mm / self.wheels.left_mm;
         let right_scale = wheels.right_mm / self.wheels.right_mm;
-        let (mut end, mut heading) = (Point::default(), 0.0_f64);
+        let mut end = Pose2::default();
         for (left, right) in &self.rolled {
-            let (left, right) = (left * left_scale, right * right_scale);
-            let turn = (right - left) / wheels.track_mm;
-            let chord = f64::midpoint(left, right) * chord_per_arc(turn);
-            let (sine, cosine) = (heading + turn / 2.0).sin_cos();
-            end.ahead_mm += chord * cosine;
-            end.left_mm += chord * sine;
-            heading += turn;
+            end = end.advance_arc(left * left_scale, right * right_scale, wheels.track_mm);
         }
-        end
+        Point::new(end.x_mm, end.y_mm)
     }
 }
 

@@ -14,7 +14,6 @@ use pilot::calibrate::distance::Measured;
 use pilot::calibrate::run;
 use pilot::calibrate::wheel_geometry::WheelGeometry;
 use pilot::calibrate::wheel_path::WheelPath;
-use pilot::drive::ArrivalCriteria;
 
 /// How the runs of a calibration are confirmed, driven and measured.
 #[derive(Clone, Copy)]
@@ -66,8 +65,7 @@ impl<'a> Measurement<'a> {
     pub fn drive(&self, io: &mut BoardIo, waypoints: &[Pose]) -> Result<WheelPath, Error> {
         let output = self.context.output;
         let mut session = self.context.open_session(io)?;
-        let criteria = ArrivalCriteria::default();
-        let path = run::run(&mut session, waypoints, &criteria, |reached| {
+        let path = run::run(&mut session, waypoints, |reached| {
             if waypoints.len() > 1 {
                 output.live(&format!("corner {reached} of {}", waypoints.len()));
             }
