@@ -5,6 +5,7 @@ mod pose_follower;
 
 pub use meanwhile::meanwhile;
 
+use crate::mapping::mapper_pose;
 use fw_core::eeprom::Config;
 use fw_core::wire::{Field, Report};
 use host_link::board_io::BoardIo;
@@ -74,7 +75,7 @@ pub struct Arrival {
 }
 
 /// Drives to `target` and returns when the robot stands there within the criteria and at rest.
-/// `watch` gets every valid report.
+/// `watch` gets the snapshot after every valid report.
 ///
 /// # Errors
 /// Those of [`Session::exchange`]; [`Error::WrongMode`], [`Error::Fault`], [`Error::NotReached`].
@@ -83,11 +84,11 @@ pub fn go_to(
     session: &mut Session<'_>,
     target: Pose,
     criteria: &ArrivalCriteria,
-    mut watch: impl FnMut(&Report, &Snapshot),
+    mut watch: impl FnMut(&Snapshot),
 ) -> Result<Arrival, Error> {
     follow(session, target, criteria, |session, report, _| {
-        if let Some(report) = report {
-            watch(report, session.snapshot());
+        if report.is_some() {
+            watch(session.snapshot());
         }
         Ok(())
     })
@@ -224,7 +225,7 @@ pub fn tour(
     session: &mut Session<'_>,
     way: &[Pose],
     criteria: &ArrivalCriteria,
-    mut watch: impl FnMut(&Report, &Snapshot),
+    mut watch: impl FnMut(&Snapshot),
     mut reached: impl FnMut(usize, &Arrival),
 ) -> Result<(), Error> {
     for (index, &target) in way.iter().enumerate() {
@@ -296,9 +297,8 @@ impl SpeedMeter {
             self.0.pop_front();
         }
         let (then_s, then) = self.0[0];
-        let (sin, cos) = libm::sincos(pose.rotation_deg.to_radians());
-        let ahead_mm = (pose.x_mm - then.x_mm) * cos + (pose.y_mm - then.y_mm) * sin;
-        ahead_mm / (time_s - then_s).max(0.01)
+        let behind_mm = mapper_pose(then).relative_to(&mapper_pose(pose)).x_mm;
+        -behind_mm / (time_s - then_s).max(0.01)
     }
 }
 

@@ -3,6 +3,7 @@
 use host_link::error::Error;
 use host_link::file::{self, FileFault};
 use host_link::pose::{MAX_COORDINATE_MM, Pose};
+use std::ops::Range;
 use std::path::Path;
 
 /// Largest rotation accepted, degrees.
@@ -26,8 +27,7 @@ pub fn load(path: &Path) -> Result<Vec<Pose>, Error> {
 /// What is wrong, line by line.
 pub fn parse(text: &str) -> Result<Vec<Pose>, Vec<FileFault>> {
     let (mut waypoints, mut faults) = (Vec::new(), Vec::new());
-    let mut from = 0;
-    for line in text.split_inclusive('\n') {
+    for line in text.lines() {
         let content = line.split('#').next().unwrap_or_default();
         let words: Vec<&str> = content.split_whitespace().collect();
         match words.as_slice() {
@@ -35,9 +35,7 @@ pub fn parse(text: &str) -> Result<Vec<Pose>, Vec<FileFault>> {
             [x, y, rotation] => match parse_pose(x, y, rotation) {
                 Ok(pose) => waypoints.push(pose),
                 Err((index, what)) => {
-                    let word = words.get(index).copied().unwrap_or_default();
-                    let at = from + nth_word(content, index);
-                    faults.push(FileFault::at(text, at..at + word.len(), what));
+                    faults.push(FileFault::at(text, span(text, words[index]), what));
                 }
             },
             _ => {
@@ -45,14 +43,9 @@ pub fn parse(text: &str) -> Result<Vec<Pose>, Vec<FileFault>> {
                     "a way-point is x, y and rotation, in millimetres and degrees: this line has {} of three",
                     words.len()
                 );
-                faults.push(FileFault::at(
-                    text,
-                    from..from + content.trim_end().len(),
-                    what,
-                ));
+                faults.push(FileFault::at(text, span(text, content.trim_end()), what));
             }
         }
-        from += line.len();
         if faults.len() >= MAX_FAULTS {
             break;
         }
@@ -67,14 +60,10 @@ pub fn parse(text: &str) -> Result<Vec<Pose>, Vec<FileFault>> {
     Err(faults)
 }
 
-/// Where in `line` the word with this index begins, bytes.
-fn nth_word(line: &str, index: usize) -> usize {
-    let mut rest = line.trim_start();
-    for _ in 0..index {
-        rest = rest.trim_start_matches(|letter: char| !letter.is_whitespace());
-        rest = rest.trim_start();
-    }
-    line.len() - rest.len()
+/// Where in `text` this part of it is, bytes.
+fn span(text: &str, part: &str) -> Range<usize> {
+    let from = part.as_ptr().addr() - text.as_ptr().addr();
+    from..from + part.len()
 }
 
 /// A pose from three words.

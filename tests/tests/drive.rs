@@ -22,7 +22,7 @@ fn follow(imperfections: Imperfections, poses: &[(f64, f64, f64)]) -> (f64, f64)
     let mut worst = (0.0_f64, 0.0_f64);
     for &(x, y, degrees) in poses {
         let target = Pose::new(x, y, degrees);
-        let arrival = go_to(&mut session, target, &ArrivalCriteria::default(), |_, _| ());
+        let arrival = go_to(&mut session, target, &ArrivalCriteria::default(), |_| ());
         let arrival = arrival.unwrap_or_else(|error| panic!("{target:?}: {error}"));
         // At rest is at most 0.3 mm and 0.1° in 250 ms.
         assert!(
@@ -77,7 +77,7 @@ fn drive_ends_where_the_stm_restarts() {
         let mut session = Session::open(&mut io, RATE_HZ, READY_MS).expect("a session");
         let (mut frames, mut from_mm) = (0, 0.0);
         let target = Pose::new(1000.0, 0.0, 0.0);
-        let driven = go_to(&mut session, target, &ArrivalCriteria::default(), |_, _| {
+        let driven = go_to(&mut session, target, &ArrivalCriteria::default(), |_| {
             frames += 1;
             if frames == at {
                 from_mm = rig.pose().x_mm;

@@ -31,7 +31,7 @@ pub fn follow(
     mut watch: impl FnMut(&Snapshot),
 ) -> (Vec<Arrival>, Result<(), Error>) {
     let (output, mut arrivals) = (context.output, Vec::new());
-    let show = |_: &_, snapshot: &Snapshot| {
+    let show = |snapshot: &Snapshot| {
         watch(snapshot);
         output.live(&monitor::line(snapshot));
     };

@@ -23,7 +23,7 @@ fn drive_within(io: &mut BoardIo, timeout_s: Option<f64>) -> Result<Arrival, Err
         timeout_s,
         ..ArrivalCriteria::default()
     };
-    go_to(&mut session, TARGET, &criteria, |_, _| {})
+    go_to(&mut session, TARGET, &criteria, |_| {})
 }
 
 /// The last command keeps the robot where it is.
@@ -65,7 +65,7 @@ fn tour_reports_every_frame_and_each_arrival() {
     let (way, criteria) = ([TARGET, Pose::default()], ArrivalCriteria::default());
     let (mut frames, mut reached) = (0, Vec::new());
     let arrived = |index, arrival: &Arrival| reached.push((index, arrival.off_mm < 5.0));
-    tour(&mut session, &way, &criteria, |_, _| frames += 1, arrived).unwrap();
+    tour(&mut session, &way, &criteria, |_| frames += 1, arrived).unwrap();
     assert_eq!(reached, [(0, true), (1, true)]);
     // But for one frame of each resume.
     assert_eq!(frames, board.borrow().commands.len() - 2);
@@ -140,7 +140,7 @@ fn drive_panic_in_callback_stops_robot() {
     let outcome = catch_unwind(AssertUnwindSafe(|| {
         let mut session = Session::open(&mut io, 40, 100).unwrap();
         let mut reports = 0;
-        go_to(&mut session, TARGET, &ArrivalCriteria::default(), |_, _| {
+        go_to(&mut session, TARGET, &ArrivalCriteria::default(), |_| {
             reports += 1;
             assert!(reports < 3, "on purpose");
         })

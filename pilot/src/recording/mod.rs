@@ -177,7 +177,7 @@ impl Recorder {
     fn end(mut self, us: u64, grid: &Grid, odom: Pose) -> Result<(), Error> {
         let transforms = vec![TransformStamped::of(us, "map", "odom", odom)];
         self.write("/tf_static", us, &TfMessage { transforms })?;
-        let message = OccupancyGrid::of(us, "map", grid);
+        let message = OccupancyGrid::of(us, grid);
         self.write("/map", us, &message)?;
         let finished = self.writer.finish();
         finished.map_err(|cause| unwritable(&self.path, cause))?;

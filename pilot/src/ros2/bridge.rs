@@ -114,8 +114,7 @@ impl<W: FnMut(&str)> Bridge<'_, W> {
         let _ = node.battery.publish(BatteryState::of(us, robot));
         let _ = node.diagnostics.publish(reports::diagnostics(us, frame));
         if std::mem::take(&mut self.map_changed) {
-            let grid = OccupancyGrid::of(us, "map", &self.view.grid());
-            let _ = node.map.publish(grid);
+            let _ = node.map.publish(OccupancyGrid::of(us, &self.view.grid()));
         }
     }
 

@@ -151,8 +151,8 @@ impl DiagnosticArray {
 }
 
 impl OccupancyGrid {
-    /// A map in a frame.
-    pub fn of(us: u64, frame: &str, grid: &Grid) -> Self {
+    /// A map in the frame `map`.
+    pub fn of(us: u64, grid: &Grid) -> Self {
         let origin = grid.origin();
         #[allow(clippy::cast_possible_truncation)] // some thousand cells of some millimetres
         let info = MapMetaData {
@@ -169,7 +169,7 @@ impl OccupancyGrid {
             Cell::Unknown => -1,
         });
         Self {
-            header: Header::of(us, frame),
+            header: Header::of(us, "map"),
             info,
             data: cells.collect(),
         }
@@ -186,7 +186,7 @@ fn battery_faults_and_map_are_converted() {
     assert_eq!((status.level.0, &*status.message), (2, "left-stalled"));
     let corners = [(-1000.0, 0.0), (1000.0, 500.0)].map(|(x, y)| mapper::Point::new(x, y));
     let grid = Grid::from_fn(25.0, corners[0], corners[1], |_| -4.0);
-    let OccupancyGrid { header, info, .. } = OccupancyGrid::of(2_345_678, "map", &grid);
+    let OccupancyGrid { header, info, .. } = OccupancyGrid::of(2_345_678, &grid);
     assert!(info.width > info.height && info.width as usize == grid.columns());
     let (at, cell, origin) = (info.origin.position, info.resolution, grid.origin());
     assert!((cell - 0.025).abs() < 1e-6 && (at.x - origin.x_mm / 1e3).abs() < 1e-6);

@@ -36,7 +36,7 @@ pub fn run(
         &mut session,
         &way,
         &ArrivalCriteria::default(),
-        |_, snapshot| {
+        |snapshot| {
             let Some(sample) = RangeSample::of(snapshot) else {
                 return;
             };
