@@ -2,7 +2,6 @@
 //! the Pi's own buses, the virtual board and the mock of the tests.
 
 use crate::error::Error;
-use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{InputPin, OutputPin};
 use embedded_hal::i2c::{self, I2c};
 use embedded_hal::spi::{self, SpiDevice};
@@ -30,8 +29,8 @@ pub struct BoardIo {
     pub protect: OutputLine,
     /// `STM_READY`: high = configured.
     pub ready: InputLine,
-    /// Waiting.
-    pub delay: Box<dyn DelayNs>,
+    /// Waits so many microseconds.
+    pub delay: Box<dyn FnMut(u32)>,
     /// Microseconds since some fixed instant. On the virtual board they only pass while the host waits or
     /// transfers.
     pub clock: Box<dyn FnMut() -> u64>,

@@ -9,10 +9,11 @@ use crate::error::Error;
 use crate::uart::SerialPort;
 use linux_embedded_hal::gpio_cdev::{self, Chip, Line, LineHandle, LineRequestFlags};
 use linux_embedded_hal::spidev::{SpiModeFlags, SpidevOptions};
-use linux_embedded_hal::{CdevPin, CdevPinError, Delay, I2cdev, SpidevDevice};
+use linux_embedded_hal::{CdevPin, CdevPinError, I2cdev, SpidevDevice};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::thread;
+use std::time::{Duration, Instant};
 
 /// BCM number of RESET: the STM's NRST.
 pub const RESET: u32 = 0;
@@ -84,7 +85,7 @@ pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<BoardIo, Error> {
         select: output(select),
         protect: output(protect),
         ready: input(ready),
-        delay: Box::new(Delay),
+        delay: Box::new(|us| thread::sleep(Duration::from_micros(us.into()))),
         clock: Box::new(micros),
         real_time: true,
         log: Box::new(move || uart.read_new()),

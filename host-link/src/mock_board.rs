@@ -2,7 +2,6 @@
 //! tested on the virtual one.
 
 use crate::board_io::{BoardIo, Interrupt, IoError, OutputLine};
-use embedded_hal::delay::DelayNs;
 use embedded_hal::i2c::{self, I2c, Operation};
 use embedded_hal::spi::{self, SpiDevice};
 use fw_core::binary64::Binary64;
@@ -290,12 +289,6 @@ impl SpiDevice for MockBus {
     }
 }
 
-impl DelayNs for MockBus {
-    fn delay_ns(&mut self, ns: u32) {
-        self.0.borrow_mut().pass(u64::from(ns / 1000));
-    }
-}
-
 fn link(memory: &Image) -> Option<StmLink> {
     let config = Config::decode(memory).ok()?;
     Some(StmLink::new(config.link_setup()))
@@ -334,7 +327,7 @@ pub fn mock_board(memory: &Image, fault: Option<IoFault>) -> (Shared, BoardIo) {
 /// A second connection to the same board.
 pub fn reconnect(board: &Shared) -> BoardIo {
     let bus = || Box::new(MockBus(board.clone()));
-    let [lines, clock, log] = [(); 3].map(|()| board.clone());
+    let [lines, delay, clock, log] = [(); 4].map(|()| board.clone());
     let line = |set: fn(&mut MockBoard, bool)| -> OutputLine {
         let board = board.clone();
         Box::new(move |high| {
@@ -352,7 +345,7 @@ pub fn reconnect(board: &Shared) -> BoardIo {
             let mut board = lines.borrow_mut();
             board.call(false).map(|()| board.ready())
         }),
-        delay: bus(),
+        delay: Box::new(move |us| delay.borrow_mut().pass(us.into())),
         clock: Box::new(move || clock.borrow().now_us),
         real_time: true,
         log: Box::new(move || Ok(std::mem::take(&mut log.borrow_mut().log))),

@@ -20,7 +20,7 @@ const POLL_MS: u32 = 1;
 pub fn pulse(io: &mut BoardIo) -> Result<(), Error> {
     let held = io.set_reset(true);
     if held.is_ok() {
-        io.delay.delay_ms(RESET_MS);
+        (io.delay)(1000 * RESET_MS);
     }
     let released = io.set_reset(false);
     held.and(released)
@@ -39,7 +39,7 @@ pub fn await_ready(io: &mut BoardIo, timeout_ms: u32) -> Result<u32, Error> {
             return Err(Error::NotReady(waited));
         }
         io.interrupt.check()?;
-        io.delay.delay_ms(POLL_MS);
+        (io.delay)(1000 * POLL_MS);
         waited += POLL_MS;
     }
     Ok(waited)

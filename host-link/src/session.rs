@@ -249,7 +249,7 @@ impl<'m> Session<'m> {
     fn wait_until(&mut self, slot_us: u64) {
         let due_us = slot_us.max(self.link.due_us());
         if let Ok(wait @ 1..) = u32::try_from(due_us.saturating_sub(self.now_us())) {
-            self.io.delay.delay_us(wait);
+            (self.io.delay)(wait);
         }
     }
 

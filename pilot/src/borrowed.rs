@@ -4,7 +4,6 @@
 use crate::client::{self, Client};
 use crate::serve::board::{Call, MAX_DELAY_US};
 use crate::serve::protocol::{Failure, Message, Request};
-use embedded_hal::delay::DelayNs;
 use embedded_hal::i2c::{self, I2c};
 use embedded_hal::spi::{self, SpiDevice};
 use host_link::board_io::{BoardIo, Interrupt, IoError, OutputLine};
@@ -43,7 +42,7 @@ impl Borrowed {
             let robot = self.clone();
             Box::new(move |high| robot.run(call(high)))
         };
-        let [ready, clock, log] = [(); 3].map(|()| self.clone());
+        let [ready, delay, clock, log] = [(); 4].map(|()| self.clone());
         BoardIo {
             spi: Box::new(self.clone()),
             i2c: Box::new(self.clone()),
@@ -51,7 +50,7 @@ impl Borrowed {
             select: line(Call::Select),
             protect: line(Call::Protect),
             ready: Box::new(move || Ok(ready.call(Call::Ready)?.1 != 0)),
-            delay: Box::new(self.clone()),
+            delay: Box::new(move |us| delay.wait(us)),
             clock: Box::new(move || clock.micros()),
             real_time: true,
             log: Box::new(move || {
@@ -90,6 +89,15 @@ impl Borrowed {
 
     fn run(&self, call: Call) -> Result<(), IoError> {
         self.call(call).map(drop)
+    }
+
+    fn wait(&self, mut left_us: u32) {
+        while left_us > 0 {
+            let us = left_us.min(MAX_DELAY_US);
+            // The next transfer reports a robot that was taken back.
+            let _ = self.run(Call::Delay(us));
+            left_us -= us;
+        }
     }
 
     fn micros(&self) -> u64 {
@@ -149,17 +157,5 @@ impl I2c for Borrowed {
         let all = bytes.len() == read.len();
         all.then(|| read.copy_from_slice(&bytes))
             .ok_or_else(|| IoError::new(format_args!("short answer")))
-    }
-}
-
-impl DelayNs for Borrowed {
-    fn delay_ns(&mut self, ns: u32) {
-        let mut left_us = ns.div_ceil(1000);
-        while left_us > 0 {
-            let us = left_us.min(MAX_DELAY_US);
-            // The next transfer reports a robot that was taken back.
-            let _ = self.run(Call::Delay(us));
-            left_us -= us;
-        }
     }
 }

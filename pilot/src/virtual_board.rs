@@ -2,6 +2,7 @@
 //! buses. Its EEPROM lives in a file from run to run; the robot boots in each run.
 
 use crate::ground_truth::{GroundTruth, Point};
+use embedded_hal::delay::DelayNs;
 use embedded_hal::i2c::{self, ErrorType, Operation};
 use host_link::board_io::{BoardIo, Interrupt, erase, input, output};
 use host_link::eeprom::image;
@@ -118,6 +119,7 @@ fn io_with(
     eeprom_file: Option<PathBuf>,
 ) -> BoardIo {
     let (clock, log, mut read) = (board.clone(), board.clone(), 0);
+    let mut delay = board.delay();
     BoardIo {
         spi: erase(board.spi_with(SpiTiming {
             hz: spi_hz.into(),
@@ -133,7 +135,7 @@ fn io_with(
         select: output(board.pin(Line::Select)),
         protect: output(board.pin(Line::WriteProtect)),
         ready: input(board.pin(Line::Ready)),
-        delay: Box::new(board.delay()),
+        delay: Box::new(move |us| delay.delay_us(us)),
         clock: Box::new(move || clock.now_us()),
         real_time: false,
         log: Box::new(move || {

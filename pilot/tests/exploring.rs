@@ -1,6 +1,5 @@
 //! The loop of localiser and plan over a session, on a robot without firmware in an imperfect world.
 
-use embedded_hal::delay::DelayNs;
 use fw_core::eeprom::{Config, Field, Image, fields};
 use fw_core::types::Faults;
 use fw_core::wire::{Command, DistanceCode, GyroCode, Mode, Order, PoseCode, Report, State};
@@ -145,21 +144,13 @@ impl Plan for Slow {
     }
 }
 
-struct Sleep;
-
-impl DelayNs for Sleep {
-    fn delay_ns(&mut self, ns: u32) {
-        std::thread::sleep(Duration::from_nanos(ns.into()));
-    }
-}
-
 #[test]
 fn frames_go_on_while_a_plan_takes_longer_than_the_deadline() {
     let (_, board, mut io) = rig(room().start, |_, _, _, _| ());
     let opened = Session::open(&mut io, RATE_HZ, 100).unwrap();
     let (config, begun) = (opened.config().clone(), Instant::now());
     io.clock = Box::new(move || u64::try_from(begun.elapsed().as_micros()).unwrap());
-    io.delay = Box::new(Sleep);
+    io.delay = Box::new(|us| std::thread::sleep(Duration::from_micros(us.into())));
     let mut localisation = Localisation::new(&config, BODY_MM, 25.0);
     let mut session = Session::with_config(&mut io, config, RATE_HZ);
     let driven = exploring::drive(&mut session, &mut localisation, &mut Slow(0), |_| {

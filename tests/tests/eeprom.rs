@@ -5,7 +5,6 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use embedded_hal::delay::DelayNs;
 use embedded_hal::i2c::{ErrorType, I2c, Operation};
 use fw_core::eeprom::{IMAGE_LEN, Image, fields};
 use fw_core::wire::Mode;
@@ -59,29 +58,26 @@ impl I2c for Called<Box<dyn I2c<Error = IoError>>> {
     }
 }
 
-/// Time passes only while the process runs.
-impl DelayNs for Called<Box<dyn DelayNs>> {
-    fn delay_ns(&mut self, ns: u32) {
-        let calls = self.1.borrow();
-        if calls.made <= calls.killed_before {
-            self.0.delay_ns(ns);
-        }
-    }
-}
-
 fn called(io: BoardIo, process: &Process) -> BoardIo {
     let line = |mut inner: OutputLine| -> OutputLine {
         let process = Rc::clone(process);
         Box::new(move |high| call(&process, || inner(high), |()| true))
     };
     let (reader, mut ready) = (Rc::clone(process), io.ready);
+    let (waiter, mut delay) = (Rc::clone(process), io.delay);
     BoardIo {
         i2c: Box::new(Called(io.i2c, Rc::clone(process))),
         reset: line(io.reset),
         select: line(io.select),
         protect: line(io.protect),
         ready: Box::new(move || call(&reader, &mut ready, |&high| high)),
-        delay: Box::new(Called(io.delay, Rc::clone(process))),
+        // Time passes only while the process runs.
+        delay: Box::new(move |us| {
+            let calls = waiter.borrow();
+            if calls.made <= calls.killed_before {
+                delay(us);
+            }
+        }),
         ..io
     }
 }

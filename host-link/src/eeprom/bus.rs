@@ -68,7 +68,7 @@ impl<'b> EepromBus<'b> {
         };
         bus.io.set_protect(true)?;
         bus.io.set_select(true)?;
-        bus.io.delay.delay_us(SETTLE_US);
+        (bus.io.delay)(SETTLE_US);
         Ok(bus)
     }
 

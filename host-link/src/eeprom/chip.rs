@@ -104,7 +104,7 @@ fn await_cycle(io: &mut BoardIo, address: u16) -> Result<(), Error> {
             Err(cause) if waited >= CYCLE_TIMEOUT_US => {
                 return Err(failure("waiting for a write cycle's end", address, &cause));
             }
-            Err(_) => io.delay.delay_us(POLL_US),
+            Err(_) => (io.delay)(POLL_US),
         }
         waited += POLL_US;
     }
@@ -121,7 +121,7 @@ fn retry(
     let mut outcome = act(&mut *io.i2c);
     for _ in 1..ATTEMPTS {
         if outcome.is_err() {
-            io.delay.delay_ms(5);
+            (io.delay)(5_000);
             outcome = act(&mut *io.i2c);
         }
     }

@@ -298,7 +298,7 @@ fn absent_eeprom_is_an_error_within_a_second() {
 fn eeprom_is_noticed_where_it_answers() {
     let (board, mut io) = mock_board(&BLANK, None);
     io.set_select(true).unwrap();
-    io.delay.delay_us(1000);
+    (io.delay)(1000);
     // The probe writes nothing, even where a killed run has lifted the protection.
     board.borrow_mut().protected = false;
     assert!(chip::answers(&mut io));

@@ -59,7 +59,7 @@ pub fn log(context: Context<'_>) -> Result<(), Error> {
             for line in lines.feed(&(io.log)()?) {
                 show(String::from_utf8_lossy(&line).trim_end().to_string())?;
             }
-            io.delay.delay_us(LOOK_US);
+            (io.delay)(LOOK_US);
         }
     })
 }

@@ -360,7 +360,7 @@ fn whole_replies(io: &mut BoardIo, count: u32, wait_ns: u32) -> Result<u32, Erro
         test_frame::encode(number, &mut frame);
         transfer(&mut *io.spi, &frame, &mut reply, wait_ns)?;
         good += u32::from(test_frame::is_whole(&reply));
-        io.delay.delay_us(500);
+        (io.delay)(500);
     }
     Ok(good)
 }

@@ -67,7 +67,7 @@ impl Call {
             Self::Select(high) => (io.select)(*high)?,
             Self::Protect(high) => (io.protect)(*high)?,
             Self::Ready => number = (io.ready)()?.into(),
-            Self::Delay(us) => io.delay.delay_us(*us),
+            Self::Delay(us) => (io.delay)(*us),
             Self::Clock => number = (io.clock)(),
             Self::Spi(_) | Self::Log => {}
         }

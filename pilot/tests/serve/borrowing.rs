@@ -15,7 +15,7 @@ use std::time::{Duration, Instant};
 /// Writes to the EEPROM what is no configuration, and leaves bus and protection so.
 fn spoil_eeprom(io: &mut BoardIo) {
     io.set_select(true).unwrap();
-    io.delay.delay_ms(1);
+    (io.delay)(1_000);
     io.set_protect(false).unwrap();
     io.i2c.write(0x50, &[0, 0, 1, 2, 3]).unwrap();
 }
