@@ -1,7 +1,7 @@
 //! Step responses: constant duty for a bounded time and travel, rest in between, the log recorded. Every
 //! end commands zero percent and sends no further frame, so that the stop deadline holds the motors.
 
-use crate::drive::MAX_UNANSWERED;
+use crate::drive::{MAX_UNANSWERED, StopOnDrop};
 use crate::tune::samples::SampleRecorder;
 use fw_core::eeprom::Config;
 use host_link::error::Error;
@@ -59,8 +59,9 @@ pub fn run(
     plan: &StepPlan,
     mut watch: impl FnMut(f64),
 ) -> Result<SampleRecorder, Error> {
+    let moving = StopOnDrop::new(session);
     let mut stepping = StepRunner {
-        session,
+        session: &mut *moving.session,
         recorder: SampleRecorder::default(),
         sampled_us: None,
         origin: None,
@@ -75,10 +76,10 @@ pub fn run(
         }
     }
     stepping.hold(0.0, plan.rest_s, plan.travel)?;
-    Ok(std::mem::take(&mut stepping.recorder))
+    Ok(stepping.recorder)
 }
 
-/// Commands zero percent when dropped.
+/// What the steps share.
 struct StepRunner<'s, 'm> {
     session: &'s mut Session<'m>,
     recorder: SampleRecorder,
@@ -132,11 +133,5 @@ impl StepRunner<'_, '_> {
         let report = self.session.exchange(&request)?;
         self.session.check_answered(MAX_UNANSWERED)?;
         Ok(report.and(self.session.snapshot().measurement))
-    }
-}
-
-impl Drop for StepRunner<'_, '_> {
-    fn drop(&mut self) {
-        self.session.stop();
     }
 }
