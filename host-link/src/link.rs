@@ -17,12 +17,11 @@ pub const SETUP_NS: u32 = 1_000;
 pub struct Link {
     end: PiLink,
     mode: Mode,
-    frames: u64,
+    /// What this end counts beside [`PiLink::counters`].
+    counted: LinkStatistics,
     last_good_us: Option<u64>,
-    worst_gap_us: u64,
-    /// The longest gap of the last second, and when it ended.
-    recent_gap_us: (u64, u64),
-    worst_transfer_us: u64,
+    /// When the longest gap of the last second ended.
+    recent_gap_end_us: u64,
     /// Earliest begin of the next frame.
     due_us: u64,
     round_trip: RoundTrip,
@@ -43,11 +42,9 @@ impl Link {
         Self {
             end: PiLink::new(config.link_setup()),
             mode: config.mode(),
-            frames: 0,
+            counted: LinkStatistics::default(),
             last_good_us: None,
-            worst_gap_us: 0,
-            recent_gap_us: (0, 0),
-            worst_transfer_us: 0,
+            recent_gap_end_us: 0,
             due_us: 0,
             round_trip: RoundTrip::default(),
             last_reply: None,
@@ -84,16 +81,17 @@ impl Link {
         let begun_us = clock();
         self.round_trip.sent(begun_us);
         let ended_us = self.transfer(spi, clock, out, back)?;
+        let counted = &mut self.counted;
         let transfer_us = ended_us.saturating_sub(begun_us);
-        self.worst_transfer_us = self.worst_transfer_us.max(transfer_us);
+        counted.worst_transfer_us = counted.worst_transfer_us.max(transfer_us);
         let reply = self.end.receive(back);
         if let Ok(report) = &reply {
             if let Some(last) = self.last_good_us.replace(begun_us) {
                 let gap_us = begun_us.saturating_sub(last);
-                self.worst_gap_us = self.worst_gap_us.max(gap_us);
-                let (longest_us, at_us) = self.recent_gap_us;
-                if gap_us >= longest_us || begun_us - at_us > RECENT_US {
-                    self.recent_gap_us = (gap_us, begun_us);
+                counted.worst_gap_us = counted.worst_gap_us.max(gap_us);
+                let is_old = begun_us - self.recent_gap_end_us > RECENT_US;
+                if gap_us >= counted.recent_gap_us || is_old {
+                    (counted.recent_gap_us, self.recent_gap_end_us) = (gap_us, begun_us);
                 }
             }
             if self.mode.has(Field::Sequence) {
@@ -107,10 +105,10 @@ impl Link {
     /// The STM numbers its replies from 1 after a reset, one a frame: a number ahead of the last one by more
     /// than the frames sent since then, or behind it, is that of an STM that has restarted.
     fn check_number(&mut self, number: u8) {
-        let before = self.last_reply.replace((number, self.frames));
+        let before = self.last_reply.replace((number, self.counted.frames));
         let is_ahead = before.is_some_and(|(last, frames)| {
             let ahead = u64::from(number.wrapping_sub(last));
-            ahead > self.frames - frames + FALSE_SELECTS
+            ahead > self.counted.frames - frames + FALSE_SELECTS
         });
         self.restarted |= is_ahead && self.mode.has(Field::Sequence);
     }
@@ -147,7 +145,7 @@ impl Link {
         let ended_us = clock();
         // One more, since the clock counts whole microseconds.
         self.due_us = ended_us + u64::from(GAP_US) + 1;
-        self.frames += 1;
+        self.counted.frames += 1;
         Ok(ended_us)
     }
 
@@ -156,17 +154,14 @@ impl Link {
         let counters = self.end.counters();
         let numbered = self.mode.has(Field::Sequence);
         LinkStatistics {
-            frames: self.frames,
             accepted: counters.accepted,
             rejected: counters.rejected_total(),
             causes: RejectCounts::from(counters),
-            worst_gap_us: self.worst_gap_us,
-            recent_gap_us: self.recent_gap_us.0,
-            worst_transfer_us: self.worst_transfer_us,
             missed: numbered.then_some(counters.missed),
             round_trip_frames: numbered.then_some(counters.unacknowledged),
             round_trip_us: self.round_trip.latest_us,
             worst_round_trip_us: self.round_trip.worst_us,
+            ..self.counted
         }
     }
 }
@@ -261,7 +256,7 @@ fn restart_shows_by_a_reply_number_beyond_the_frames_sent() {
         let mut link = Link::new(&Config::decode(&image).unwrap());
         link.check_number(before);
         assert!(!link.restarted);
-        link.frames += sent;
+        link.counted.frames += sent;
         link.check_number(after);
         assert_eq!(link.restarted, is_restart, "{before} {sent} {after}");
     }
