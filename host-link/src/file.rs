@@ -4,7 +4,7 @@ use crate::error::Error;
 pub use crate::file_fault::FileFault;
 use fw_core::eeprom::KEY;
 use std::fs::{self, File, Metadata};
-use std::io::{ErrorKind, Read, Write};
+use std::io::{self, ErrorKind, Read, Write};
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt};
 use std::path::{Path, PathBuf};
 
@@ -63,11 +63,11 @@ pub fn ensure_trusted(path: &Path) -> Result<(), Error> {
     } else {
         return Ok(());
     };
-    Err(unreadable(std::io::Error::other(refused)))
+    Err(unreadable(io::Error::other(refused)))
 }
 
 /// The user who runs this.
-fn own_uid() -> std::io::Result<u32> {
+fn own_uid() -> io::Result<u32> {
     Ok(fs::metadata("/proc/self")?.uid())
 }
 
@@ -137,34 +137,28 @@ fn may_replace(own: u32, file: &Metadata, folder: &Metadata) -> bool {
 }
 
 /// # Errors
-/// [`Error::Unwritable`] if what is at `path` must not be replaced.
-fn check_target(path: &Path, kind: Kind) -> Result<(), Error> {
+/// Why what is at `path` must not be replaced.
+fn check_target(path: &Path, kind: Kind) -> io::Result<()> {
     let present = match fs::symlink_metadata(path) {
         Err(cause) if cause.kind() == ErrorKind::NotFound => return Ok(()),
-        present => present.map_err(|cause| Error::unwritable(path, &cause))?,
+        present => present?,
     };
     if !present.is_file() {
-        return Err(Error::unwritable(
-            path,
-            &"it is a link, a folder or a device",
-        ));
+        return Err(io::Error::other("it is a link, a folder or a device"));
     }
-    let owners = own_uid().and_then(|own| Ok((own, fs::metadata(folder(path))?)));
-    let (own, folder) = owners.map_err(|cause| Error::unwritable(path, &cause))?;
-    if !may_replace(own, &present, &folder) {
+    if !may_replace(own_uid()?, &present, &fs::metadata(folder(path))?) {
         let why = "it is another user's in a sticky folder; name another file";
-        return Err(Error::unwritable(path, &why));
+        return Err(io::Error::other(why));
     }
     let mut head = Vec::new();
     if kind != Kind::Any {
-        File::open(path)
-            .and_then(|file| file.take(LONGEST_HEAD).read_to_end(&mut head))
-            .map_err(|cause| Error::unwritable(path, &cause))?;
+        let file = File::open(path)?;
+        file.take(LONGEST_HEAD).read_to_end(&mut head)?;
     }
     if !head.is_empty() && !kind.holds(&head) {
         let (kind, _) = kind.signature();
-        let cause = format!("the file that is there is no {kind}; name another one");
-        return Err(Error::unwritable(path, &cause));
+        let why = format!("the file that is there is no {kind}; name another one");
+        return Err(io::Error::other(why));
     }
     Ok(())
 }
@@ -184,8 +178,8 @@ impl OutputFile {
     /// # Errors
     /// [`Error::Unwritable`].
     pub fn create(path: &Path, kind: Kind) -> Result<Self, Error> {
-        check_target(path, kind)?;
         let unwritable = |cause| Error::unwritable(path, &cause);
+        check_target(path, kind).map_err(unwritable)?;
         let Some(name) = path.file_name() else {
             return Err(unwritable(ErrorKind::IsADirectory.into()));
         };
@@ -253,7 +247,7 @@ fn folder(path: &Path) -> &Path {
 }
 
 /// A rename survives a power failure once its folder is written.
-pub(crate) fn sync_folder(path: &Path) -> std::io::Result<()> {
+pub(crate) fn sync_folder(path: &Path) -> io::Result<()> {
     File::open(folder(path))?.sync_all()
 }
 
