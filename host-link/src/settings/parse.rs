@@ -62,30 +62,22 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Settings, Error> {
     image.seal();
     match Config::decode(&image) {
         Ok(config) => Ok(Settings { image, config }),
-        Err(error) => Err(rejected(&error, image, path, |key| {
+        Err(error) => Err(rejected(error, image, path, |key| {
             FileFault::at(text, find(document, key)?.span(), "").line
         })),
     }
 }
 
-/// What the core rejects of a file.
-struct Rejection {
-    field: Option<&'static Field>,
-    /// Of the field in the file.
-    location: String,
-    /// What is wrong, in the file's units.
-    what: String,
-}
-
 /// The core's judgement of the image, with the file's lines and keys. It names one field at a time: each is
 /// replaced by the first board's to find the next.
 fn rejected(
-    first: &ConfigError,
+    mut error: ConfigError,
     mut image: Image,
     path: &Path,
     line: impl Fn(&str) -> Option<usize>,
 ) -> Error {
-    let judged = |error: &ConfigError, image: &Image| {
+    let mut rejections = Vec::new();
+    for _ in &FIELDS {
         let field = FIELDS.iter().find(|field| field.name() == error.field());
         let mut location = format!("in {}", path.display());
         let mut what = error.to_string();
@@ -100,29 +92,21 @@ fn rejected(
                 what = format!("{key} is {value}, accepted is {}", format::accepted(field));
             }
         }
-        Rejection {
-            field,
-            location,
-            what,
-        }
-    };
-    let mut rejection = judged(first, &image);
-    let mut field = rejection.field;
-    for _ in &FIELDS {
-        let Some(known) = field else { break };
-        image.set(known, Image::FIRST_BOARD.get(known));
+        rejections.push((location, what));
+        let Some(field) = field else { break };
+        image.set(field, Image::FIRST_BOARD.get(field));
         image.seal();
-        let Err(next) = Config::decode(&image) else {
-            break;
-        };
-        let also = judged(&next, &image);
-        if also.field.map(|field| field.address) == Some(known.address) {
-            break;
+        match Config::decode(&image) {
+            Err(next) if next.field() != error.field() => error = next,
+            _ => break,
         }
-        let _ = write!(rejection.what, "; {}: {}", also.location, also.what);
-        field = also.field;
     }
-    Error::Rejected(rejection.location, rejection.what)
+    let mut rejections = rejections.into_iter();
+    let (location, mut what) = rejections.next().unwrap_or_default();
+    for (also_at, also) in rejections {
+        let _ = write!(what, "; {also_at}: {also}");
+    }
+    Error::Rejected(location, what)
 }
 
 /// The value of a dotted key.
