@@ -22,8 +22,9 @@ use host_link::settings::{self, Settings};
 use host_link::snapshot::Snapshot;
 use mapper::Grid;
 use mcap::records::MessageHeader;
-use mcap::{McapError, McapResult, WriteOptions, Writer};
+use mcap::{McapError, WriteOptions, Writer};
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::fs::File;
 use std::io::{BufWriter, IntoInnerError};
 use std::path::{Path, PathBuf};
@@ -45,7 +46,7 @@ const IMU: &str = "/imu";
 pub struct Recorder {
     path: PathBuf,
     writer: Writer<BufWriter<File>>,
-    /// Sequence number and id of each topic's channel.
+    /// Id and last sequence number of each topic's channel.
     channels: BTreeMap<&'static str, (u16, u32)>,
     front: Option<Pose>,
     flushed_us: u64,
@@ -194,39 +195,29 @@ impl Recorder {
         us: u64,
         message: &M,
     ) -> Result<(), Error> {
-        let written = self.try_write(topic, us, message);
-        written.map_err(|cause| unwritable(&self.path, cause))
-    }
-
-    fn try_write<M: Message>(
-        &mut self,
-        topic: &'static str,
-        us: u64,
-        message: &M,
-    ) -> McapResult<()> {
-        if !self.channels.contains_key(topic) {
-            let schema = self
-                .writer
-                .add_schema(M::NAME, "ros2msg", M::definition().as_bytes())?;
-            let channel = self
-                .writer
-                .add_channel(schema, topic, "cdr", &BTreeMap::new())?;
-            self.channels.insert(topic, (channel, 0));
-        }
-        let Some((channel_id, sequence)) = self.channels.get_mut(topic) else {
-            return Ok(());
+        let mut write = || {
+            let (channel_id, sequence) = match self.channels.entry(topic) {
+                Entry::Occupied(known) => known.into_mut(),
+                Entry::Vacant(new) => {
+                    let (writer, definition) = (&mut self.writer, M::definition());
+                    let schema = writer.add_schema(M::NAME, "ros2msg", definition.as_bytes())?;
+                    let channel = writer.add_channel(schema, topic, "cdr", &BTreeMap::new())?;
+                    new.insert((channel, 0))
+                }
+            };
+            // CDR, little-endian.
+            let mut data = vec![0, 1, 0, 0];
+            data.extend(cdr_encoding::to_vec::<M, LittleEndian>(message).unwrap_or_default());
+            *sequence += 1;
+            let header = MessageHeader {
+                channel_id: *channel_id,
+                sequence: *sequence,
+                log_time: us * 1000,
+                publish_time: us * 1000,
+            };
+            self.writer.write_to_known_channel(&header, &data)
         };
-        // CDR, little-endian.
-        let mut data = vec![0, 1, 0, 0];
-        data.extend(cdr_encoding::to_vec::<M, LittleEndian>(message).unwrap_or_default());
-        *sequence += 1;
-        let header = MessageHeader {
-            channel_id: *channel_id,
-            sequence: *sequence,
-            log_time: us * 1000,
-            publish_time: us * 1000,
-        };
-        self.writer.write_to_known_channel(&header, &data)
+        write().map_err(|cause| unwritable(&self.path, cause))
     }
 
     fn flush(&mut self) -> Result<(), Error> {
