@@ -1,7 +1,7 @@
-//! A client of a server: over its socket, or in the same process.
+//! A client of a server, over its socket or a pair of sockets in the same process.
 
 use crate::serve::hub::Port;
-use crate::serve::listener::{Lines, STALLED, Transport};
+use crate::serve::listener::{self, Lines, STALLED, Transport};
 use crate::serve::protocol::{Frame, Message, Request, Tile, VERSION};
 use crate::serve::tiles;
 use host_link::board_io::Interrupt;
@@ -15,8 +15,7 @@ use std::io::ErrorKind;
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::mpsc::{Receiver, RecvTimeoutError};
+use std::thread;
 use std::time::{Duration, Instant};
 
 /// How long [`Client::message`] waits.
@@ -32,15 +31,11 @@ const NO_SERVER: [ErrorKind; 3] = [
 /// Tiles farther from the origin than the grid reaches are not taken.
 const FARTHEST_TILE: i32 = (MAX_SIDE_CELLS / 2).cast_signed() / tiles::SIDE + 1;
 
-enum Link {
-    /// With what follows the last message.
-    Socket(Lines, Vec<u8>),
-    Local(Port, Receiver<Arc<str>>),
-}
-
 /// A client that has joined.
 pub struct Client {
-    link: Link,
+    lines: Lines,
+    /// What follows the last message.
+    unread: Vec<u8>,
     queue: VecDeque<Message>,
 }
 
@@ -61,16 +56,7 @@ impl Client {
                 return Err(Error::device(name, cause, advice));
             }
         };
-        stream.set_write_timeout(Some(STALLED)).map_err(lost)?;
-        let queue = VecDeque::new();
-        let link = Link::Socket(Lines(stream), Vec::new());
-        let mut client = Self { link, queue };
-        client.request(&Request::Hello {
-            version: VERSION,
-            name: name.into(),
-            token: String::new(),
-        })?;
-        Ok(Some(client))
+        Self::join(stream, name, &Interrupt::new()).map(Some)
     }
 
     /// Joins a control loop of the same process.
@@ -78,11 +64,25 @@ impl Client {
     /// # Errors
     /// Those of [`Self::request`]; [`Error::Interrupted`].
     pub fn local(port: Port, name: &str, interrupt: &Interrupt) -> Result<Self, Error> {
-        let (messages, _) = port.join(name.into());
-        let queue = VecDeque::new();
-        let link = Link::Local(port, messages);
-        let mut client = Self { link, queue };
-        client.await_reply(interrupt)?;
+        let (stream, server) = UnixStream::pair().map_err(lost)?;
+        // A terminal that shows nothing for a while is behind, as far as its queue goes, and not stalled.
+        thread::spawn(move || listener::serve(&Lines(server), &port, None));
+        Self::join(stream, name, interrupt)
+    }
+
+    fn join(stream: UnixStream, name: &str, interrupt: &Interrupt) -> Result<Self, Error> {
+        stream.set_write_timeout(Some(STALLED)).map_err(lost)?;
+        let mut client = Self {
+            lines: Lines(stream),
+            unread: Vec::new(),
+            queue: VecDeque::new(),
+        };
+        let hello = Request::Hello {
+            version: VERSION,
+            name: name.into(),
+            token: String::new(),
+        };
+        client.exchange(&hello, interrupt)?;
         Ok(client)
     }
 
@@ -91,29 +91,21 @@ impl Client {
     /// # Errors
     /// [`Error::Server`]: the refusal, or that the server has ended.
     pub fn request(&mut self, request: &Request) -> Result<(), Error> {
-        let never = Interrupt::new();
-        match &mut self.link {
-            Link::Socket(lines, _) => {
-                let line = serde_json::to_string(request).unwrap_or_default();
-                if let Err(cause) = lines.send(&line) {
-                    // Why a server drops a client is its last message.
-                    return self.await_reply(&never).and(Err(lost(cause)));
-                }
-            }
-            Link::Local(port, _) => port.ask(Ok(request.clone())),
-        }
-        self.await_reply(&never)
+        self.exchange(request, &Interrupt::new())
     }
 
-    fn await_reply(&mut self, interrupt: &Interrupt) -> Result<(), Error> {
+    fn exchange(&mut self, request: &Request, interrupt: &Interrupt) -> Result<(), Error> {
+        let line = serde_json::to_string(request).unwrap_or_default();
+        let sent = self.lines.send(&line).map_err(lost);
         let ends = Instant::now() + REPLY;
         while Instant::now() < ends {
             interrupt.check()?;
             match self.receive()? {
-                Some(Message::Reply { error: None, .. }) => return Ok(()),
+                // Why a server drops a client is its last message, which no request need reach.
                 Some(Message::Reply {
                     error: Some(why), ..
                 }) => return Err(why.into()),
+                Some(Message::Reply { .. }) => return sent,
                 Some(message) => self.queue.push_back(message),
                 None => {}
             }
@@ -133,16 +125,8 @@ impl Client {
     }
 
     fn receive(&mut self) -> Result<Option<Message>, Error> {
-        let line = match &mut self.link {
-            Link::Socket(lines, unread) => lines
-                .receive(unread, Some(Instant::now() + WAIT))
-                .map_err(lost)?,
-            Link::Local(_, messages) => match messages.recv_timeout(WAIT) {
-                Ok(message) => Some(message.as_bytes().to_vec()),
-                Err(RecvTimeoutError::Timeout) => None,
-                Err(RecvTimeoutError::Disconnected) => return Err(lost("it has ended")),
-            },
-        };
+        let ends = Some(Instant::now() + WAIT);
+        let line = self.lines.receive(&mut self.unread, ends).map_err(lost)?;
         let Some(line) = line else {
             return Ok(None);
         };
