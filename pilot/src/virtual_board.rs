@@ -71,7 +71,7 @@ impl GroundTruth for SimulatedTape {
 struct PersistentI2c {
     i2c: I2c,
     board: Board,
-    file: Option<PathBuf>,
+    file: PathBuf,
     writes: u64,
 }
 
@@ -82,9 +82,6 @@ impl ErrorType for PersistentI2c {
 impl i2c::I2c for PersistentI2c {
     fn transaction(&mut self, address: u8, parts: &mut [Operation<'_>]) -> Result<(), I2cError> {
         self.i2c.transaction(address, parts)?;
-        let Some(file) = &self.file else {
-            return Ok(());
-        };
         let known = self.writes;
         let fresh = self.board.i2c_bus(move |bus, _| {
             let part = bus.eeprom.as_ref().filter(|part| part.writes() > known)?;
@@ -92,7 +89,7 @@ impl i2c::I2c for PersistentI2c {
         });
         if let Some((writes, bytes)) = fresh {
             // A file that cannot be written is reported by `close`.
-            let _ = file::save(file, Kind::Any, &bytes);
+            let _ = file::save(&self.file, Kind::Any, &bytes);
             self.writes = writes;
         }
         Ok(())
@@ -107,17 +104,8 @@ pub struct VirtualBoard {
     uart_log: Option<PathBuf>,
 }
 
-/// The I/O of a board that exists already, for tests and the demo.
+/// The I/O of a board.
 pub fn board_io(board: &Board, spi_hz: u32, interrupt: Interrupt) -> BoardIo {
-    io_with(board, spi_hz, interrupt, None)
-}
-
-fn io_with(
-    board: &Board,
-    spi_hz: u32,
-    interrupt: Interrupt,
-    eeprom_file: Option<PathBuf>,
-) -> BoardIo {
     let (clock, log, mut read) = (board.clone(), board.clone(), 0);
     let mut delay = board.delay();
     BoardIo {
@@ -125,12 +113,7 @@ fn io_with(
             hz: spi_hz.into(),
             ..SpiTiming::default()
         })),
-        i2c: erase(PersistentI2c {
-            i2c: board.i2c(),
-            board: board.clone(),
-            file: eeprom_file,
-            writes: 0,
-        }),
+        i2c: erase(board.i2c()),
         reset: output(board.pin(Line::Reset)),
         select: output(board.pin(Line::Select)),
         protect: output(board.pin(Line::WriteProtect)),
@@ -185,8 +168,13 @@ pub fn open(options: Options, interrupt: Interrupt) -> Result<(VirtualBoard, Boa
             "build the firmware with `cargo xtask firmware`",
         )
     })?;
-    let eeprom_file = Some(options.eeprom_image.clone());
-    let io = io_with(&board, options.spi_hz, interrupt, eeprom_file);
+    let mut io = board_io(&board, options.spi_hz, interrupt);
+    io.i2c = erase(PersistentI2c {
+        i2c: board.i2c(),
+        board: board.clone(),
+        file: options.eeprom_image.clone(),
+        writes: 0,
+    });
     let virtual_board = VirtualBoard {
         board,
         eeprom_image: options.eeprom_image,
