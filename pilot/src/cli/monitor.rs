@@ -96,24 +96,16 @@ pub fn robot(snapshot: &Snapshot) -> String {
         let _ = write!(line, "measured {measurement:.3}  ");
     }
     line.push_str("cells");
-    for cell in &snapshot.cells_v {
-        let _ = match cell {
-            Some(volts) => write!(line, " {volts:.2}"),
-            None => write!(line, " –"),
-        };
+    for &cell in &snapshot.cells_v {
+        let _ = write!(line, " {}", or_dash(cell, 0, 2));
     }
     line.push_str(" V  ");
     if let Some(bearing) = snapshot.bearing_deg {
-        let _ = match snapshot.ranges_mm[0] {
-            Some(mm) => write!(line, "at {bearing:5.1}° {mm:4.0} mm  "),
-            None => write!(line, "at {bearing:5.1}°    – mm  "),
-        };
+        let mm = or_dash(snapshot.ranges_mm[0], 4, 0);
+        let _ = write!(line, "at {bearing:5.1}° {mm} mm  ");
     } else if snapshot.pose.is_some() {
         for (name, range) in ["front", "right", "left"].iter().zip(snapshot.ranges_mm) {
-            let _ = match range {
-                Some(mm) => write!(line, "{name} {mm:4.0} "),
-                None => write!(line, "{name}    – "),
-            };
+            let _ = write!(line, "{name} {} ", or_dash(range, 4, 0));
         }
         line.push_str("mm  ");
     }
@@ -125,6 +117,14 @@ pub fn robot(snapshot: &Snapshot) -> String {
     }
     line.truncate(line.trim_end().len());
     line
+}
+
+/// A number with so many decimals, or a dash, at least so many characters wide.
+pub fn or_dash(value: Option<f64>, width: usize, decimals: usize) -> String {
+    match value {
+        Some(value) => format!("{value:width$.decimals$}"),
+        None => format!("{:>width$}", "–"),
+    }
 }
 
 /// The Pi's end of the link.

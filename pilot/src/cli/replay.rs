@@ -2,6 +2,7 @@
 
 use super::args::Replay;
 use super::connection::interrupt;
+use super::monitor::or_dash;
 use super::output::Output;
 use host_link::error::Error;
 use pilot::mapping::RangeSample;
@@ -32,10 +33,8 @@ pub fn run(replay: &Replay, output: Output) -> Result<(), Error> {
 }
 
 fn line(sample: &RangeSample, since: Duration) -> String {
-    let number =
-        |value: Option<f64>| value.map_or_else(|| "–".into(), |value| format!("{value:.0}"));
-    let [front, right, left] = sample.ranges_mm.map(number);
-    let bearing = number(sample.bearing_deg);
+    let [front, right, left] = sample.ranges_mm.map(|mm| or_dash(mm, 0, 0));
+    let bearing = or_dash(sample.bearing_deg, 0, 0);
     format!(
         "{:8.2} s  x {:7.1} mm  y {:7.1} mm  {:6.2}°  front {front} (at {bearing}°) right {right} left {left} mm",
         since.as_secs_f64(),
