@@ -61,7 +61,7 @@ fn save_replaces_its_kind_and_follows_no_planted_link() {
 }
 
 #[test]
-fn image_is_told_from_other_files_by_key_or_unwritten_cells() {
+fn image_is_recognised_by_key_or_unwritten_cells() {
     let here = tempfile::tempdir().unwrap();
     let here = here.path();
     let path = here.join("image.bin");
@@ -162,7 +162,7 @@ fn fault_shows_line_and_caret() {
 }
 
 #[test]
-fn kept_file_of_another_user_is_believed_in_a_folder_of_few_only() {
+fn kept_file_of_another_user_is_trusted_in_a_folder_of_few_only() {
     let here = tempfile::tempdir().unwrap();
     let [kept, link, none] = ["kept", "link", "none"].map(|name| here.path().join(name));
     fs::write(&kept, "x").unwrap();
