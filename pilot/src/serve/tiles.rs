@@ -1,9 +1,8 @@
 //! The map in tiles: what changed goes to the clients, a few tiles a frame.
 
 use super::protocol::Tile;
-use mapper::{Cell, Grid};
+use mapper::{Cell, Grid, Point};
 use std::collections::HashMap;
-use std::hash::BuildHasher;
 
 /// Cells along the side of a tile.
 pub const SIDE: i32 = 32;
@@ -90,8 +89,7 @@ fn nearest(cells: f64) -> i32 {
 }
 
 /// A grid out of tiles.
-pub fn grid<S: BuildHasher>(tiles: &HashMap<(i32, i32), String, S>, cell_mm: f64) -> Grid {
-    use mapper::Point;
+pub(crate) fn grid(tiles: &HashMap<(i32, i32), String>, cell_mm: f64) -> Grid {
     let mm = |tile: i32| f64::from(tile) * f64::from(SIDE) * cell_mm;
     let ends = |axis: fn(&(i32, i32)) -> i32| {
         let low = tiles.keys().map(axis).min().unwrap_or_default();
@@ -121,7 +119,6 @@ pub fn grid<S: BuildHasher>(tiles: &HashMap<(i32, i32), String, S>, cell_mm: f64
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mapper::Point;
 
     // Requirement: SERVE-map-1
     #[test]

@@ -126,7 +126,7 @@ fn killed_tuning_is_undone_by_repair() {
         assert!(!journal.unfinished() && !journal.reset_due(), "{at}");
     }
     assert!(2 * left > calls / 3, "{left} of {calls}");
-    // In a shared folder anybody can put a link in the journal's place.
+    // In a shared folder any user can put a link in the journal's place.
     let (board, mut io) = mock_board(&original(), None);
     std::os::unix::fs::symlink(folder.path().join("other"), journal.path()).unwrap();
     std::fs::write(folder.path().join("other"), [0xFF; 0x400]).unwrap();
