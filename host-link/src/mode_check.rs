@@ -112,6 +112,8 @@ impl StartFaults {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::mock_board::mock_board;
+    use crate::session::{CommandRequest, RATE_HZ, Session};
     use fw_core::eeprom::{Image, fields};
     use fw_core::wire::{
         CellCode, Command, DistanceCode, MAX_FRAME, Mode, PiLink, StmLink, chain, frame_len,
@@ -230,5 +232,35 @@ mod tests {
             assert_eq!(mode_check.update(&report), Ok(()));
         }
         assert!(mode_check.is_confirmed());
+    }
+
+    #[test]
+    fn session_clears_the_rejections_of_its_own_start_only() {
+        let mode = Mode::GuardedNormal.code().into();
+        let image = Image::FIRST_BOARD.with(fields::MODE, mode);
+        for before in [Faults::NONE, Faults::FRAME_REJECTED] {
+            let (board, mut io) = mock_board(&image, None);
+            let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+            let exchange = |session: &mut Session<'_>, frames: u32| {
+                for _ in 0..frames {
+                    session.exchange(&CommandRequest::default()).unwrap();
+                }
+            };
+            exchange(&mut session, 50);
+            board.borrow_mut().report.faults = before;
+            let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+            exchange(&mut session, 2);
+            assert_eq!(board.borrow().report.faults, Faults::FRAME_REJECTED);
+            board.borrow_mut().report.faults |= Faults::SLIP;
+            exchange(&mut session, 5);
+            // The last one of the start.
+            board.borrow_mut().report.faults |= Faults::FRAME_REJECTED;
+            exchange(&mut session, 2);
+            assert_eq!(board.borrow().report.faults, before | Faults::SLIP);
+            // Later it is the wire's.
+            board.borrow_mut().report.faults = Faults::FRAME_REJECTED;
+            exchange(&mut session, 10);
+            assert_eq!(board.borrow().report.faults, Faults::FRAME_REJECTED);
+        }
     }
 }

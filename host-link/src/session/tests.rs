@@ -372,34 +372,6 @@ fn log_is_read_until_it_fails() {
 }
 
 #[test]
-fn session_clears_the_rejections_of_its_own_start_only() {
-    for before in [Faults::NONE, Faults::FRAME_REJECTED] {
-        let (board, mut io) = mock_board(&image_in(Mode::GuardedNormal), None);
-        let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
-        let exchange = |session: &mut Session<'_>, frames: u32| {
-            for _ in 0..frames {
-                session.exchange(&CommandRequest::default()).unwrap();
-            }
-        };
-        exchange(&mut session, 50);
-        board.borrow_mut().report.faults = before;
-        let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
-        exchange(&mut session, 2);
-        assert_eq!(board.borrow().report.faults, Faults::FRAME_REJECTED);
-        board.borrow_mut().report.faults |= Faults::SLIP;
-        exchange(&mut session, 5);
-        // The last one of the start.
-        board.borrow_mut().report.faults |= Faults::FRAME_REJECTED;
-        exchange(&mut session, 2);
-        assert_eq!(board.borrow().report.faults, before | Faults::SLIP);
-        // Later it is the wire's.
-        board.borrow_mut().report.faults = Faults::FRAME_REJECTED;
-        exchange(&mut session, 10);
-        assert_eq!(board.borrow().report.faults, Faults::FRAME_REJECTED);
-    }
-}
-
-#[test]
 fn observation_ends_with_its_time_or_an_error() {
     let (board, mut io) = mock_board(&image(2), None);
     let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
