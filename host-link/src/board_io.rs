@@ -1,14 +1,20 @@
-//! The lines and buses between the Pi and the board, behind embedded-hal traits: the same code drives
-//! the Pi's own buses, the virtual board and the mock of the tests.
+//! The lines and buses between the Pi and the board, as functions that are made of embedded-hal drivers: the same
+//! code drives the Pi's own buses, the virtual board and the mock of the tests.
 
 use crate::error::Error;
+use embedded_hal::delay::DelayNs;
 use embedded_hal::digital::{InputPin, OutputPin};
-use embedded_hal::i2c::{self, I2c};
-use embedded_hal::spi::{self, SpiDevice};
+use embedded_hal::i2c;
+use embedded_hal::spi::{Operation, SpiDevice};
 use std::fmt::Debug;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
+/// Transfers a frame within one chip-select: what is sent, what comes back, and the wait before the first clock,
+/// nanoseconds.
+pub type Spi = dyn FnMut(&[u8], &mut [u8], u32) -> Result<(), IoError>;
+/// Writes to an address, then reads as many bytes as are asked for, if any.
+pub type I2c = dyn FnMut(u8, &[u8], &mut [u8]) -> Result<(), IoError>;
 /// Drives a line high (`true`) or low.
 pub type OutputLine = Box<dyn FnMut(bool) -> Result<(), IoError>>;
 /// Whether a line is high.
@@ -17,10 +23,10 @@ pub type InputLine = Box<dyn FnMut() -> Result<bool, IoError>>;
 /// Everything that connects the Pi with one board.
 // Requirement: DOC-3.2-2
 pub struct BoardIo {
-    /// SPI device 0, mode 0: one transaction is one chip-select is one frame.
-    pub spi: Box<dyn SpiDevice<Error = IoError>>,
+    /// SPI device 0, mode 0.
+    pub spi: Box<Spi>,
     /// The EEPROM's bus.
-    pub i2c: Box<dyn I2c<Error = IoError>>,
+    pub i2c: Box<I2c>,
     /// NRST: low holds the STM in reset, high *releases* the line (open drain), it never drives it.
     pub reset: OutputLine,
     /// SELECT of the I2C switch: high = the Pi has the EEPROM's bus.
@@ -105,22 +111,30 @@ impl IoError {
     }
 }
 
-/// An error of a kind that embedded-hal does not name, and the drivers that fail with it.
-macro_rules! erased {
-    ($($bus:ident),+) => {$(
-        impl $bus::Error for IoError {
-            fn kind(&self) -> $bus::ErrorKind {
-                $bus::ErrorKind::Other
-            }
-        }
-
-        impl<T: $bus::ErrorType> $bus::ErrorType for Erased<T> {
-            type Error = IoError;
-        }
-    )+};
+/// The frames of an SPI device.
+pub fn spi(mut device: impl SpiDevice + 'static) -> Box<Spi> {
+    Box::new(move |out, back, setup_ns| {
+        let mut frame = [Operation::DelayNs(setup_ns), Operation::Transfer(back, out)];
+        device.transaction(&mut frame).map_err(IoError::new)
+    })
 }
 
-erased!(i2c, spi);
+/// The transfers of an I2C bus.
+pub fn i2c(mut bus: impl i2c::I2c + 'static) -> Box<I2c> {
+    Box::new(move |address, write, read| {
+        let done = if read.is_empty() {
+            bus.write(address, write)
+        } else {
+            bus.write_read(address, write, read)
+        };
+        done.map_err(IoError::new)
+    })
+}
+
+/// The wait of a delay.
+pub fn delay(mut delay: impl DelayNs + 'static) -> Box<dyn FnMut(u32)> {
+    Box::new(move |us| delay.delay_us(us))
+}
 
 /// The line of an output pin.
 pub fn output(mut pin: impl OutputPin + 'static) -> OutputLine {
@@ -130,31 +144,6 @@ pub fn output(mut pin: impl OutputPin + 'static) -> OutputLine {
 /// The line of an input pin.
 pub fn input(mut pin: impl InputPin + 'static) -> InputLine {
     Box::new(move || pin.is_high().map_err(IoError::new))
-}
-
-/// A driver with its error type replaced by [`IoError`].
-pub struct Erased<T>(T);
-
-/// Makes a field of [`BoardIo`] of any driver of I2C or SPI.
-pub fn erase<T>(driver: T) -> Box<Erased<T>> {
-    Box::new(Erased(driver))
-}
-
-impl<T: I2c> I2c for Erased<T> {
-    fn transaction(
-        &mut self,
-        address: u8,
-        operations: &mut [i2c::Operation<'_>],
-    ) -> Result<(), IoError> {
-        let outcome = self.0.transaction(address, operations);
-        outcome.map_err(IoError::new)
-    }
-}
-
-impl<T: SpiDevice> SpiDevice for Erased<T> {
-    fn transaction(&mut self, operations: &mut [spi::Operation<'_, u8>]) -> Result<(), IoError> {
-        self.0.transaction(operations).map_err(IoError::new)
-    }
 }
 
 /// A flag that a signal handler raises and every loop of this crate checks.

@@ -7,7 +7,7 @@
 //! use embedded_hal::spi::{ErrorType, Operation, SpiDevice};
 //! use fw_core::eeprom::fields;
 //! use fw_core::wire::{Command, Mode};
-//! use host_link::board_io::erase;
+//! use host_link::board_io::spi;
 //! use host_link::link::Link;
 //! use host_link::pose::Pose;
 //! use host_link::settings::Settings;
@@ -41,7 +41,7 @@
 //! let mut link = Link::new(settings.config());
 //! let target = Pose { x_mm: 1000.0, ..Pose::default() };
 //! let command = Command { expected: target.code(), apply: true, ..Command::default() };
-//! let report = link.exchange(&mut *erase(FakeStm), &mut || 0, &command)?;
+//! let report = link.exchange(&mut *spi(FakeStm), &mut || 0, &command)?;
 //! let pose = Pose::from_code(report.expect("an accepted reply").pose);
 //! assert_eq!((pose.x_mm, pose.rotation_deg), (500.0, 90.0));
 //! # Ok(())

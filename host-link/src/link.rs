@@ -1,9 +1,8 @@
 //! The exchange of one frame per chip-select, and the statistics of this end.
 
-use crate::board_io::IoError;
+use crate::board_io::Spi;
 use crate::error::Error;
 use crate::statistics::{LinkStatistics, RejectCounts};
-use embedded_hal::spi::{Operation, SpiDevice};
 use fw_core::eeprom::Config;
 use fw_core::wire::handover::GAP_US;
 use fw_core::wire::{Command, Field, FrameError, MAX_FRAME, Mode, PiLink, Report};
@@ -67,7 +66,7 @@ impl Link {
     // Requirement: DOC-5-3
     pub fn exchange(
         &mut self,
-        spi: &mut dyn SpiDevice<Error = IoError>,
+        spi: &mut Spi,
         clock: &mut dyn FnMut() -> u64,
         command: &Command,
     ) -> Result<Result<Report, FrameError>, Error> {
@@ -120,7 +119,7 @@ impl Link {
     /// [`Error::Spi`].
     pub fn relay(
         &mut self,
-        spi: &mut dyn SpiDevice<Error = IoError>,
+        spi: &mut Spi,
         clock: &mut dyn FnMut() -> u64,
         frame: &[u8],
         reply: &mut [u8],
@@ -136,7 +135,7 @@ impl Link {
     /// One frame, counted; the time of its end, which the next one's begin depends on.
     fn transfer(
         &mut self,
-        spi: &mut dyn SpiDevice<Error = IoError>,
+        spi: &mut Spi,
         clock: &mut dyn FnMut() -> u64,
         out: &[u8],
         back: &mut [u8],
@@ -170,15 +169,8 @@ impl Link {
 ///
 /// # Errors
 /// [`Error::Spi`].
-pub fn transfer(
-    spi: &mut dyn SpiDevice<Error = IoError>,
-    out: &[u8],
-    back: &mut [u8],
-    setup_ns: u32,
-) -> Result<(), Error> {
-    let transfer = Operation::Transfer(back, out);
-    spi.transaction(&mut [Operation::DelayNs(setup_ns), transfer])
-        .map_err(|cause| Error::Spi(cause.to_string()))
+pub fn transfer(spi: &mut Spi, out: &[u8], back: &mut [u8], setup_ns: u32) -> Result<(), Error> {
+    spi(out, back, setup_ns).map_err(|cause| Error::Spi(cause.to_string()))
 }
 
 /// How long the STM takes to confirm a frame: each is timed by its number, the first time that a

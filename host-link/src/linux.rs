@@ -4,16 +4,15 @@
 //! one ends, the kernel keeps them or makes them inputs, and the board pulls `WP_EEPROM` up and SELECT
 //! down.
 
-use crate::board_io::{BoardIo, Interrupt, IoError, erase, input, output};
+use crate::board_io::{BoardIo, Interrupt, IoError, delay, i2c, input, output, spi};
 use crate::error::Error;
 use crate::uart::SerialPort;
 use linux_embedded_hal::gpio_cdev::{self, Chip, Line, LineHandle, LineRequestFlags};
 use linux_embedded_hal::spidev::{SpiModeFlags, SpidevOptions};
-use linux_embedded_hal::{CdevPin, CdevPinError, I2cdev, SpidevDevice};
+use linux_embedded_hal::{CdevPin, CdevPinError, Delay, I2cdev, SpidevDevice};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 /// BCM number of RESET: the STM's NRST.
 pub const RESET: u32 = 0;
@@ -63,29 +62,29 @@ pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<BoardIo, Error> {
 
     // Requirement: DOC-2.1-5, WIRE-spi-4
     let spi_failed = |cause| Error::device(devices.spi.display(), cause, SPI_ADVICE);
-    let mut spi = SpidevDevice::open(&devices.spi).map_err(spi_failed)?;
+    let mut device = SpidevDevice::open(&devices.spi).map_err(spi_failed)?;
     let options = SpidevOptions::new()
         .bits_per_word(8)
         .max_speed_hz(devices.spi_hz)
         .mode(SpiModeFlags::SPI_MODE_0)
         .build();
-    let configured = spi.0.configure(&options);
+    let configured = device.0.configure(&options);
     configured.map_err(|cause| Error::device(devices.spi.display(), cause, SPI_ADVICE))?;
-    let i2c = I2cdev::new(&devices.i2c);
-    let i2c = i2c.map_err(|cause| Error::device(devices.i2c.display(), cause, I2C_ADVICE))?;
+    let bus = I2cdev::new(&devices.i2c);
+    let bus = bus.map_err(|cause| Error::device(devices.i2c.display(), cause, I2C_ADVICE))?;
 
     let mut uart = SerialPort::new(&devices.uart);
     // The computer's monotonic clock.
     let start = Instant::now();
     let micros = move || u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
     Ok(BoardIo {
-        spi: erase(spi),
-        i2c: erase(i2c),
+        spi: spi(device),
+        i2c: i2c(bus),
         reset: Box::new(move |high| reset.set(high).map_err(IoError::new)),
         select: output(select),
         protect: output(protect),
         ready: input(ready),
-        delay: Box::new(|us| thread::sleep(Duration::from_micros(us.into()))),
+        delay: delay(Delay),
         clock: Box::new(micros),
         real_time: true,
         log: Box::new(move || uart.read_new()),

@@ -2,8 +2,6 @@
 //! tested on the virtual one.
 
 use crate::board_io::{BoardIo, Interrupt, IoError, OutputLine};
-use embedded_hal::i2c::{self, I2c, Operation};
-use embedded_hal::spi::{self, SpiDevice};
 use fw_core::binary64::Binary64;
 use fw_core::eeprom::{Config, IMAGE_LEN, Image};
 use fw_core::types::Faults;
@@ -155,6 +153,19 @@ impl MockBoard {
         (self.selected, self.taken_from_us) = (high, self.now_us + 100);
     }
 
+    /// A transfer with the EEPROM.
+    fn i2c(&mut self, address: u8, write: &[u8], read: &mut [u8]) -> Result<(), IoError> {
+        self.call(true)?;
+        assert_eq!(address, 0x50);
+        assert!(self.now_us >= self.taken_from_us, "a byte is cut");
+        if !self.selected || self.now_us < self.busy_until_us {
+            return Err(injected());
+        }
+        self.write(write)?;
+        self.read(read);
+        Ok(())
+    }
+
     /// One I2C write to the EEPROM.
     fn write(&mut self, bytes: &[u8]) -> Result<(), IoError> {
         let [high, low, data @ ..] = bytes else {
@@ -244,51 +255,6 @@ impl MockBoard {
     }
 }
 
-/// The driver of every bus.
-struct MockBus(Shared);
-
-impl i2c::ErrorType for MockBus {
-    type Error = IoError;
-}
-
-impl I2c for MockBus {
-    fn transaction(&mut self, address: u8, parts: &mut [Operation<'_>]) -> Result<(), IoError> {
-        let mut board = self.0.borrow_mut();
-        board.call(true)?;
-        assert_eq!(address, 0x50);
-        assert!(board.now_us >= board.taken_from_us, "a byte is cut");
-        for part in parts {
-            match part {
-                _ if !board.selected || board.now_us < board.busy_until_us => {
-                    return Err(injected());
-                }
-                Operation::Write(bytes) => board.write(bytes)?,
-                Operation::Read(out) => board.read(out),
-            }
-        }
-        Ok(())
-    }
-}
-
-impl spi::ErrorType for MockBus {
-    type Error = IoError;
-}
-
-impl SpiDevice for MockBus {
-    fn transaction(&mut self, parts: &mut [spi::Operation<'_, u8>]) -> Result<(), IoError> {
-        let mut board = self.0.borrow_mut();
-        board.call(true)?;
-        for part in parts {
-            match part {
-                spi::Operation::Transfer(back, out) => board.frame(back, out),
-                spi::Operation::DelayNs(ns) => board.pass(u64::from(*ns / 1000)),
-                _ => {}
-            }
-        }
-        Ok(())
-    }
-}
-
 fn link(memory: &Image) -> Option<StmLink> {
     let config = Config::decode(memory).ok()?;
     Some(StmLink::new(config.link_setup()))
@@ -326,8 +292,7 @@ pub fn mock_board(memory: &Image, fault: Option<IoFault>) -> (Shared, BoardIo) {
 
 /// A second connection to the same board.
 pub fn reconnect(board: &Shared) -> BoardIo {
-    let bus = || Box::new(MockBus(board.clone()));
-    let [lines, delay, clock, log] = [(); 4].map(|()| board.clone());
+    let [spi, i2c, lines, delay, clock, log] = [(); 6].map(|()| board.clone());
     let line = |set: fn(&mut MockBoard, bool)| -> OutputLine {
         let board = board.clone();
         Box::new(move |high| {
@@ -336,8 +301,14 @@ pub fn reconnect(board: &Shared) -> BoardIo {
         })
     };
     BoardIo {
-        spi: bus(),
-        i2c: bus(),
+        spi: Box::new(move |out, back, setup_ns| {
+            let mut board = spi.borrow_mut();
+            board.call(true)?;
+            board.pass(u64::from(setup_ns / 1000));
+            board.frame(back, out);
+            Ok(())
+        }),
+        i2c: Box::new(move |address, write, read| i2c.borrow_mut().i2c(address, write, read)),
         reset: line(MockBoard::set_reset),
         select: line(MockBoard::set_select),
         protect: line(|board, high| board.protected = high),

@@ -4,8 +4,6 @@
 use crate::client::{self, Client};
 use crate::serve::board::{Call, MAX_DELAY_US};
 use crate::serve::protocol::{Failure, Message, Request};
-use embedded_hal::i2c::{self, I2c};
-use embedded_hal::spi::{self, SpiDevice};
 use host_link::board_io::{BoardIo, Interrupt, IoError, OutputLine};
 use host_link::error::Error;
 use std::cell::RefCell;
@@ -42,10 +40,13 @@ impl Borrowed {
             let robot = self.clone();
             Box::new(move |high| robot.run(call(high)))
         };
-        let [ready, delay, clock, log] = [(); 4].map(|()| self.clone());
+        let [spi, i2c, ready, delay, clock, log] = [(); 6].map(|()| self.clone());
         BoardIo {
-            spi: Box::new(self.clone()),
-            i2c: Box::new(self.clone()),
+            // The server keeps the chip-select's set-up time.
+            spi: Box::new(move |frame, reply, _| spi.read(Call::Spi(frame.to_vec()), reply)),
+            i2c: Box::new(move |address, write, read| {
+                i2c.read(Call::I2c(address, write.to_vec(), read.len()), read)
+            }),
             reset: line(Call::Reset),
             select: line(Call::Select),
             protect: line(Call::Protect),
@@ -87,6 +88,13 @@ impl Borrowed {
         Err(IoError::new(format_args!("{refused}")))
     }
 
+    fn read(&self, call: Call, out: &mut [u8]) -> Result<(), IoError> {
+        let (bytes, _) = self.call(call)?;
+        let all = bytes.len() == out.len();
+        all.then(|| out.copy_from_slice(&bytes))
+            .ok_or_else(|| IoError::new(format_args!("short answer")))
+    }
+
     fn run(&self, call: Call) -> Result<(), IoError> {
         self.call(call).map(drop)
     }
@@ -106,56 +114,5 @@ impl Borrowed {
         // Without an answer time stands still; the next transfer reports why.
         *now_us = answer.map_or(*now_us, |(_, now)| now);
         *now_us
-    }
-}
-
-impl spi::ErrorType for Borrowed {
-    type Error = IoError;
-}
-
-impl SpiDevice for Borrowed {
-    fn transaction(&mut self, operations: &mut [spi::Operation<'_, u8>]) -> Result<(), IoError> {
-        for operation in operations {
-            match operation {
-                // The server keeps the chip-select's set-up time.
-                spi::Operation::DelayNs(_) => {}
-                spi::Operation::Transfer(reply, frame) => {
-                    let (bytes, _) = self.call(Call::Spi(frame.to_vec()))?;
-                    let len = bytes.len().min(reply.len());
-                    reply[..len].copy_from_slice(&bytes[..len]);
-                }
-                _ => {
-                    let what = format_args!("a borrowed robot transfers whole frames only");
-                    return Err(IoError::new(what));
-                }
-            }
-        }
-        Ok(())
-    }
-}
-
-impl i2c::ErrorType for Borrowed {
-    type Error = IoError;
-}
-
-impl I2c for Borrowed {
-    fn transaction(
-        &mut self,
-        address: u8,
-        operations: &mut [i2c::Operation<'_>],
-    ) -> Result<(), IoError> {
-        use i2c::Operation::{Read, Write};
-        let (write, read): (_, &mut [u8]) = match operations {
-            [Write(write)] => (write.to_vec(), &mut []),
-            [Write(write), Read(read)] => (write.to_vec(), read),
-            _ => {
-                let what = format_args!("a borrowed EEPROM is addressed before it is read");
-                return Err(IoError::new(what));
-            }
-        };
-        let (bytes, _) = self.call(Call::I2c(address, write, read.len()))?;
-        let all = bytes.len() == read.len();
-        all.then(|| read.copy_from_slice(&bytes))
-            .ok_or_else(|| IoError::new(format_args!("short answer")))
     }
 }

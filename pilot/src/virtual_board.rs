@@ -2,9 +2,7 @@
 //! buses. Its EEPROM lives in a file from run to run; the robot boots in each run.
 
 use crate::ground_truth::{GroundTruth, Point};
-use embedded_hal::delay::DelayNs;
-use embedded_hal::i2c::{self, ErrorType, Operation};
-use host_link::board_io::{BoardIo, Interrupt, erase, input, output};
+use host_link::board_io::{BoardIo, I2c, Interrupt, delay, i2c, input, output, spi};
 use host_link::eeprom::image;
 use host_link::error::Error;
 use host_link::file::{self, Kind};
@@ -12,7 +10,7 @@ use plant::{Params, Pose2, Rng, Room};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use twin::Board;
-use twin::hal::{I2c, I2cError, Line, SpiTiming};
+use twin::hal::{Line, SpiTiming};
 pub use twin::processor::keep_to_one as keep_to_one_processor;
 
 /// Which virtual board.
@@ -68,32 +66,22 @@ impl GroundTruth for SimulatedTape {
 }
 
 /// The EEPROM's bus. Each write cycle goes to the EEPROM's file at once: a killed process loses none.
-struct PersistentI2c {
-    i2c: I2c,
-    board: Board,
-    file: PathBuf,
-    writes: u64,
-}
-
-impl ErrorType for PersistentI2c {
-    type Error = I2cError;
-}
-
-impl i2c::I2c for PersistentI2c {
-    fn transaction(&mut self, address: u8, parts: &mut [Operation<'_>]) -> Result<(), I2cError> {
-        self.i2c.transaction(address, parts)?;
-        let known = self.writes;
-        let fresh = self.board.i2c_bus(move |bus, _| {
+fn persistent_i2c(board: &Board, file: PathBuf) -> Box<I2c> {
+    let (board, mut bus, mut writes) = (board.clone(), i2c(board.i2c()), 0);
+    Box::new(move |address, write, read| {
+        bus(address, write, read)?;
+        let known = writes;
+        let fresh = board.i2c_bus(move |bus, _| {
             let part = bus.eeprom.as_ref().filter(|part| part.writes() > known)?;
             Some((part.writes(), part.bytes().to_vec()))
         });
-        if let Some((writes, bytes)) = fresh {
+        if let Some((now, bytes)) = fresh {
             // A file that cannot be written is reported by `close`.
-            let _ = file::save(&self.file, Kind::Any, &bytes);
-            self.writes = writes;
+            let _ = file::save(&file, Kind::Any, &bytes);
+            writes = now;
         }
         Ok(())
-    }
+    })
 }
 
 /// A virtual board whose EEPROM lives in a file.
@@ -107,18 +95,17 @@ pub struct VirtualBoard {
 /// The I/O of a board.
 pub fn board_io(board: &Board, spi_hz: u32, interrupt: Interrupt) -> BoardIo {
     let (clock, log, mut read) = (board.clone(), board.clone(), 0);
-    let mut delay = board.delay();
     BoardIo {
-        spi: erase(board.spi_with(SpiTiming {
+        spi: spi(board.spi_with(SpiTiming {
             hz: spi_hz.into(),
             ..SpiTiming::default()
         })),
-        i2c: erase(board.i2c()),
+        i2c: i2c(board.i2c()),
         reset: output(board.pin(Line::Reset)),
         select: output(board.pin(Line::Select)),
         protect: output(board.pin(Line::WriteProtect)),
         ready: input(board.pin(Line::Ready)),
-        delay: Box::new(move |us| delay.delay_us(us)),
+        delay: delay(board.delay()),
         clock: Box::new(move || clock.now_us()),
         real_time: false,
         log: Box::new(move || {
@@ -169,12 +156,7 @@ pub fn open(options: Options, interrupt: Interrupt) -> Result<(VirtualBoard, Boa
         )
     })?;
     let mut io = board_io(&board, options.spi_hz, interrupt);
-    io.i2c = erase(PersistentI2c {
-        i2c: board.i2c(),
-        board: board.clone(),
-        file: options.eeprom_image.clone(),
-        writes: 0,
-    });
+    io.i2c = persistent_i2c(&board, options.eeprom_image.clone());
     let virtual_board = VirtualBoard {
         board,
         eeprom_image: options.eeprom_image,

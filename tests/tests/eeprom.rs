@@ -5,7 +5,6 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
-use embedded_hal::i2c::{ErrorType, I2c, Operation};
 use fw_core::eeprom::{IMAGE_LEN, Image, fields};
 use fw_core::wire::Mode;
 use host_link::board_io::{BoardIo, IoError, OutputLine};
@@ -46,27 +45,18 @@ fn call<T>(
     outcome
 }
 
-struct Called<T>(T, Process);
-
-impl<T> ErrorType for Called<T> {
-    type Error = IoError;
-}
-
-impl I2c for Called<Box<dyn I2c<Error = IoError>>> {
-    fn transaction(&mut self, address: u8, parts: &mut [Operation<'_>]) -> Result<(), IoError> {
-        call(&self.1, || self.0.transaction(address, parts), |()| true)
-    }
-}
-
 fn called(io: BoardIo, process: &Process) -> BoardIo {
     let line = |mut inner: OutputLine| -> OutputLine {
         let process = Rc::clone(process);
         Box::new(move |high| call(&process, || inner(high), |()| true))
     };
+    let (writer, mut i2c) = (Rc::clone(process), io.i2c);
     let (reader, mut ready) = (Rc::clone(process), io.ready);
     let (waiter, mut delay) = (Rc::clone(process), io.delay);
     BoardIo {
-        i2c: Box::new(Called(io.i2c, Rc::clone(process))),
+        i2c: Box::new(move |address, write, read| {
+            call(&writer, || i2c(address, write, read), |()| true)
+        }),
         reset: line(io.reset),
         select: line(io.select),
         protect: line(io.protect),

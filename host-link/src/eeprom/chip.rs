@@ -5,7 +5,6 @@
 use super::image::differences;
 use crate::board_io::{BoardIo, IoError};
 use crate::error::Error;
-use embedded_hal::i2c::I2c;
 use fw_core::eeprom::Image;
 use std::ops::Range;
 
@@ -63,7 +62,7 @@ pub fn verify(from: u16, written: &[u8], read: &[u8]) -> Result<(), Error> {
 
 /// Whether an EEPROM acknowledges its address to the Pi.
 pub fn answers(io: &mut BoardIo) -> bool {
-    io.i2c.write(ADDRESS, &[0, 0]).is_ok()
+    (io.i2c)(ADDRESS, &[0, 0], &mut []).is_ok()
 }
 
 /// Reads `out.len()` bytes from `address` on.
@@ -71,9 +70,7 @@ pub fn answers(io: &mut BoardIo) -> bool {
 pub(super) fn read(io: &mut BoardIo, address: u16, out: &mut [u8]) -> Result<(), Error> {
     for (from, chunk) in (address..).step_by(READ).zip(out.chunks_mut(READ)) {
         io.interrupt.check()?;
-        retry(io, "reading", from, |i2c| {
-            i2c.write_read(ADDRESS, &from.to_be_bytes(), chunk)
-        })?;
+        retry(io, "reading", from, &from.to_be_bytes(), chunk)?;
     }
     Ok(())
 }
@@ -87,7 +84,7 @@ pub(super) fn write_burst(io: &mut BoardIo, address: usize, data: &[u8]) -> Resu
     message.extend_from_slice(&address.to_be_bytes());
     message.extend_from_slice(data);
     // Writing the same bytes twice does no harm, so a disturbed transaction may be repeated.
-    retry(io, "writing", address, |i2c| i2c.write(ADDRESS, &message))?;
+    retry(io, "writing", address, &message, &mut [])?;
     await_cycle(io, address)?;
     let mut back = [0; BURST];
     let back = back.get_mut(..data.len()).unwrap_or_default();
@@ -99,7 +96,7 @@ pub(super) fn write_burst(io: &mut BoardIo, address: usize, data: &[u8]) -> Resu
 fn await_cycle(io: &mut BoardIo, address: u16) -> Result<(), Error> {
     let mut waited = 0;
     loop {
-        match io.i2c.write(ADDRESS, &address.to_be_bytes()) {
+        match (io.i2c)(ADDRESS, &address.to_be_bytes(), &mut []) {
             Ok(()) => return Ok(()),
             Err(cause) if waited >= CYCLE_TIMEOUT_US => {
                 return Err(failure("waiting for a write cycle's end", address, &cause));
@@ -116,13 +113,14 @@ fn retry(
     io: &mut BoardIo,
     doing: &'static str,
     address: u16,
-    mut act: impl FnMut(&mut dyn I2c<Error = IoError>) -> Result<(), IoError>,
+    write: &[u8],
+    read: &mut [u8],
 ) -> Result<(), Error> {
-    let mut outcome = act(&mut *io.i2c);
+    let mut outcome = (io.i2c)(ADDRESS, write, read);
     for _ in 1..ATTEMPTS {
         if outcome.is_err() {
             (io.delay)(5_000);
-            outcome = act(&mut *io.i2c);
+            outcome = (io.i2c)(ADDRESS, write, read);
         }
     }
     outcome.map_err(|cause| failure(doing, address, &cause))

@@ -172,7 +172,7 @@ fn lines_left_elsewhere_are_idle_after_read_or_repair() {
     let (board, mut io) = mock_board(&wanted(), None);
     board.borrow_mut().selected = true;
     // Begins a write cycle.
-    io.i2c.write(0x50, &[0, 0, 0]).unwrap();
+    (io.i2c)(0x50, &[0, 0, 0], &mut []).unwrap();
     assert!(read(&mut io).is_ok());
     let (_folder, journal) = journal();
     for (memory, killed, repaired) in [

@@ -58,10 +58,9 @@ impl Call {
     pub(super) fn perform(&self, io: &mut BoardIo) -> Result<(Vec<u8>, u64), IoError> {
         let (mut bytes, mut number) = (Vec::new(), 0);
         match self {
-            Self::I2c(address, write, 0) => io.i2c.write(*address, write)?,
             Self::I2c(address, write, read) => {
                 bytes = vec![0; *read];
-                io.i2c.write_read(*address, write, &mut bytes)?;
+                (io.i2c)(*address, write, &mut bytes)?;
             }
             Self::Reset(high) => (io.reset)(*high)?,
             Self::Select(high) => (io.select)(*high)?,

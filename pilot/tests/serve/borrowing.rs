@@ -17,7 +17,7 @@ fn spoil_eeprom(io: &mut BoardIo) {
     io.set_select(true).unwrap();
     (io.delay)(1_000);
     io.set_protect(false).unwrap();
-    io.i2c.write(0x50, &[0, 0, 1, 2, 3]).unwrap();
+    (io.i2c)(0x50, &[0, 0, 1, 2, 3], &mut []).unwrap();
 }
 
 /// Drives a borrowed robot for some frames, or until it is taken back.
