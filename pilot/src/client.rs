@@ -1,7 +1,7 @@
 //! A client of a server, over its socket or a pair of sockets in the same process.
 
 use crate::serve::hub::Port;
-use crate::serve::listener::{self, Lines, STALLED, Transport};
+use crate::serve::listener::{self, LineSocket, STALLED, Transport};
 use crate::serve::protocol::{Frame, Message, Request, Tile, VERSION};
 use crate::serve::tiles;
 use host_link::board_io::Interrupt;
@@ -33,7 +33,7 @@ const FARTHEST_TILE: i32 = (MAX_SIDE_CELLS / 2).cast_signed() / tiles::SIDE + 1;
 
 /// A client that has joined.
 pub struct Client {
-    lines: Lines,
+    lines: LineSocket,
     /// What follows the last message.
     unread: Vec<u8>,
     queue: VecDeque<Message>,
@@ -66,14 +66,14 @@ impl Client {
     pub fn local(port: Port, name: &str, interrupt: &Interrupt) -> Result<Self, Error> {
         let (stream, server) = UnixStream::pair().map_err(lost)?;
         // A terminal that shows nothing for a while is behind, as far as its queue goes, and not stalled.
-        thread::spawn(move || listener::serve(&Lines(server), &port, None));
+        thread::spawn(move || listener::serve(&LineSocket(server), &port, None));
         Self::join(stream, name, interrupt)
     }
 
     fn join(stream: UnixStream, name: &str, interrupt: &Interrupt) -> Result<Self, Error> {
         stream.set_write_timeout(Some(STALLED)).map_err(lost)?;
         let mut client = Self {
-            lines: Lines(stream),
+            lines: LineSocket(stream),
             unread: Vec::new(),
             queue: VecDeque::new(),
         };

@@ -72,9 +72,9 @@ pub fn read(stream: &UnixStream, unread: &mut Vec<u8>, ends: Option<Instant>) ->
 }
 
 /// Lines over a socket.
-pub struct Lines(pub UnixStream);
+pub struct LineSocket(pub UnixStream);
 
-impl Transport for Lines {
+impl Transport for LineSocket {
     fn stream(&self) -> &UnixStream {
         &self.0
     }
@@ -221,7 +221,7 @@ pub fn accept(
 /// Refuses a client for which there is no place.
 fn refuse_line(stream: UnixStream) {
     let full = "the server has as many clients as it takes".into();
-    let _ = Lines(stream).send(&refusal(full, Exit::Busy));
+    let _ = LineSocket(stream).send(&refusal(full, Exit::Busy));
 }
 
 /// The file of a Unix socket, removed at the end.
@@ -246,7 +246,7 @@ pub fn unix(path: &Path, hub: &Hub) -> Result<SocketFile, Error> {
     let listener = UnixListener::bind(path).map_err(unwritable)?;
     let file = SocketFile(path.into());
     fs::set_permissions(path, fs::Permissions::from_mode(0o660)).map_err(unwritable)?;
-    let client = |stream, port| serve(&Lines(stream), &port, None);
+    let client = |stream, port| serve(&LineSocket(stream), &port, None);
     accept(hub, move || Ok(listener.accept()?.0), client, refuse_line);
     Ok(file)
 }
@@ -282,7 +282,7 @@ pub fn accept_tcp(listener: &TcpListener) -> io::Result<UnixStream> {
 /// [`Error::Device`].
 pub fn tcp(address: &str, token: &Arc<str>, hub: &Hub) -> Result<SocketAddr, Error> {
     let ((listener, address), token) = (bind(address)?, Arc::clone(token));
-    let client = move |stream, port| serve(&Lines(stream), &port, Some(&token));
+    let client = move |stream, port| serve(&LineSocket(stream), &port, Some(&token));
     let next = move || accept_tcp(&listener);
     accept(&hub.of_network(), next, client, refuse_line);
     Ok(address)

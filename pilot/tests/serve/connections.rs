@@ -4,7 +4,7 @@ use crate::{join, serve};
 use host_link::error::Error;
 use pilot::client::Client;
 use pilot::serve::hub::{self, Event, Hub, MAX_CLIENTS, MAX_WITH_NETWORK};
-use pilot::serve::listener::{self, GREETING, Lines};
+use pilot::serve::listener::{self, GREETING, LineSocket};
 use pilot::serve::protocol::{MAX_LINE, Request};
 use std::io::{BufRead, BufReader, ErrorKind, Read, Write};
 use std::net::{Shutdown, TcpStream};
@@ -69,7 +69,7 @@ fn line(request: &Request) -> Vec<u8> {
 fn connected(token: Option<&'static str>) -> (UnixStream, Receiver<Event>, JoinHandle<()>) {
     let (hub, events) = Hub::new();
     let (client, server) = UnixStream::pair().unwrap();
-    let serve = move || listener::serve(&Lines(server), &hub.admit().unwrap(), token);
+    let serve = move || listener::serve(&LineSocket(server), &hub.admit().unwrap(), token);
     (client, events, thread::spawn(serve))
 }
 
@@ -170,7 +170,8 @@ fn robot_is_not_lent_over_a_network() {
         let (client, server) = UnixStream::pair().unwrap();
         let port = hub.admit().unwrap();
         let token = "0123456789abcdef";
-        let thread = thread::spawn(move || listener::serve(&Lines(server), &port, Some(token)));
+        let thread =
+            thread::spawn(move || listener::serve(&LineSocket(server), &port, Some(token)));
         let mut answers = BufReader::new(&client).lines();
         for (request, refused) in [(hello(token), false), (Request::Borrow, true)] {
             (&client).write_all(&line(&request)).unwrap();
