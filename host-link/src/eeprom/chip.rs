@@ -80,9 +80,7 @@ pub(super) fn write_burst(io: &mut BoardIo, address: usize, data: &[u8]) -> Resu
     assert!(address % BURST + data.len() <= BURST);
     let address = u16::try_from(address).unwrap_or(u16::MAX);
     io.interrupt.check()?;
-    let mut message = Vec::with_capacity(2 + BURST);
-    message.extend_from_slice(&address.to_be_bytes());
-    message.extend_from_slice(data);
+    let message = [&address.to_be_bytes(), data].concat();
     // Writing the same bytes twice does no harm, so a disturbed transaction may be repeated.
     retry(io, "writing", address, &message, &mut [])?;
     await_cycle(io, address)?;
