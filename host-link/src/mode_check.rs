@@ -215,11 +215,16 @@ mod tests {
 
     #[test]
     fn cell_that_never_changes_is_named_from_1() {
-        let mut mode_check = ModeCheck::new(&Config::decode(&Image::FIRST_BOARD).unwrap());
-        let mut report = Report::default();
-        report.cell.cell = 1;
-        let last = (0..10).map(|_| mode_check.update(&report)).last();
-        assert_eq!(last, Some(Err("all of cell 2 of 2".into())));
+        let mismatch = Err("all of cell 2 of 2".into());
+        // A guarded reply needs no further evidence.
+        for (mode, expected) in [(Mode::Normal, mismatch), (Mode::GuardedNormal, Ok(()))] {
+            let image = Image::FIRST_BOARD.with(fields::MODE, mode.code().into());
+            let mut mode_check = ModeCheck::new(&Config::decode(&image).unwrap());
+            let mut report = Report::default();
+            report.cell.cell = 1;
+            let last = (0..10).map(|_| mode_check.update(&report)).last();
+            assert_eq!(last, Some(expected));
+        }
     }
 
     #[test]

@@ -384,3 +384,16 @@ fn observation_ends_with_its_time_or_an_error() {
     session.io().interrupt.raise();
     assert_eq!(session.observe(500_000), Err(Error::Interrupted));
 }
+
+#[test]
+fn restart_shows_by_the_number_of_the_next_reply() {
+    let (_, mut io) = mock_board(&image_in(Mode::GuardedNormal), None);
+    let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+    for restarts in [false, true] {
+        if restarts {
+            crate::reset::pulse(session.io()).unwrap();
+        }
+        (0..10).for_each(|_| drop(session.exchange(&CommandRequest::default())));
+        assert_eq!(session.take_restart(), restarts);
+    }
+}
