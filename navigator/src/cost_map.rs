@@ -208,7 +208,7 @@ impl CostMap {
         let Some(middle) = self.index(point) else {
             return Vec::new();
         };
-        let reach = steps(radius_mm) + 1;
+        let reach = steps(radius_mm);
         let (column, row) = (middle % self.columns, middle / self.columns);
         let columns = column.saturating_sub(reach)..(column + reach + 1).min(self.columns);
         let rows = row.saturating_sub(reach)..(row + reach + 1).min(self.rows);

@@ -198,11 +198,12 @@ fn window_is_the_whole_lattice_around_the_points() {
     ] {
         let window = whole.around(points, 400.0, &grid, (&marks, (&driven, 100.0)));
         assert!(window.nodes.len() < whole.nodes.len(), "{points:?}");
-        let is_near = |at: Point| points.iter().any(|point| point.distance_mm(at) <= 150.0);
+        let within = |at: Point, mm: f64| points.iter().any(|point| point.distance_mm(at) <= mm);
         let mut near = 0;
         for (index, node) in whole.nodes.iter().enumerate() {
             let at = whole.point(index);
-            if is_near(at) {
+            assert!(window.index(at).is_some() || !within(at, 400.0), "{at:?}");
+            if within(at, 150.0) {
                 let twin = window.index(at).expect("in the window");
                 assert!(window.point(twin).distance_mm(at) < 1e-6);
                 let same = |node: &Node| {
