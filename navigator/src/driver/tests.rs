@@ -123,6 +123,7 @@ fn stop_repeated_at_one_place_turns_about() {
         }
     }
     assert_eq!(driver.stopped.2, 1, "stops are counted, reports are not");
+    assert!(matches!(queue(&driver)[0], Kind::Turn(facing) if (facing.abs() - PI).abs() < 1e-9));
 }
 
 #[test]
@@ -348,7 +349,7 @@ fn path_keeps_the_clearance_it_was_planned_with() {
     // A passage of 200 mm.
     let (wall, floor) = ("####################", "....................");
     let grid = draw(&[wall, wall, floor, floor, wall, wall]);
-    for (clearance_mm, goes_on) in [(40.0, true), (120.0, false)] {
+    for (clearance_mm, goes_on) in [(40.0, true), (80.0, true), (100.0, false)] {
         let (mut driver, _) = under_way(1.0);
         let pose = Pose2::new(200.0, 250.0, 0.0);
         let map = driver.survey(&grid, 0.0);
