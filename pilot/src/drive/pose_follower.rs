@@ -32,6 +32,8 @@ const LAG_SHARE: f64 = 0.0646;
 const LATENCY_S: f64 = 0.007;
 /// Speed of a wheel below which the core brakes it if it is to stand, mm/s.
 const BRAKED_MM_S: f64 = 10.0;
+/// A command lasts so long at least, s: the core takes one each 10 ms, whatever the rate of the frames.
+const SHORTEST_S: f64 = 0.015;
 /// Longest time from frame to frame that is predicted, s.
 const LONGEST_S: f64 = 0.5;
 /// Halvings in the search for a velocity.
@@ -204,6 +206,9 @@ impl PoseFollower {
     /// holds the speed below the command; `still`: the robot rests.
     pub fn step(&mut self, time_s: f64, pose: Pose, limited: bool, still: bool) -> (f64, f64) {
         let (command, at_s, mut moved) = self.last;
+        if self.phase.is_some() && time_s - at_s < SHORTEST_S {
+            return command.into();
+        }
         if time_s > at_s {
             self.period_s = (time_s - at_s).min(LONGEST_S);
             moved = self.response.run(command, self.period_s, &self.limits);

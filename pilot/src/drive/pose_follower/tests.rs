@@ -9,23 +9,25 @@ fn config(image: &Image) -> Config {
 }
 
 /// A robot that follows the velocity as the core does, up to `held` mm/s ahead and, if it may, back, and
-/// reports a frame late; where it rests, and the farthest that it came ahead.
-fn drive(target: Pose, config: &Config, held: f64, back: bool) -> (Pose, f64) {
+/// reports a frame late; where it rests, and the farthest that it came ahead. A frame takes `frame_ms`.
+fn drive(target: Pose, config: &Config, held: f64, back: bool, frame_ms: u32) -> (Pose, f64) {
     let mut follower = PoseFollower::new(target, &ArrivalCriteria::default(), config);
     let limits = follower.limits;
     let (mut pose, mut reported) = (Pose::default(), Pose::default());
     let (mut response, mut limited, mut farthest) = (Response::default(), false, 0.0_f64);
-    let mut rest = RestDetector::default();
-    for frame in 0..60 * 40_u32 {
-        let still = rest.settled(u64::from(frame) * 25_000, reported);
-        let (forward, yaw) = follower.step(f64::from(frame) * 0.025, reported, limited, still);
-        let fastest = -limits.reverse_mm_s..=limits.speed[0];
-        assert!(fastest.contains(&forward) && yaw.abs() <= limits.speed[1]);
-        let allowed = forward.clamp(if back { -1e3 } else { 0.0 }, held);
-        limited = (allowed - forward).abs() > 1e-9;
-        reported = pose;
-        for _ in 0..5 {
-            let [way, turn] = response.step([allowed, yaw], &limits);
+    let (mut rest, mut allowed) = (RestDetector::default(), [0.0; 2]);
+    for ms in 0..60_000 {
+        if ms % frame_ms == 0 {
+            let still = rest.settled(u64::from(ms) * 1000, reported);
+            let (forward, yaw) = follower.step(f64::from(ms) / 1e3, reported, limited, still);
+            let fastest = -limits.reverse_mm_s..=limits.speed[0];
+            assert!(fastest.contains(&forward) && yaw.abs() <= limits.speed[1]);
+            allowed = [forward.clamp(if back { -1e3 } else { 0.0 }, held), yaw];
+            limited = (allowed[0] - forward).abs() > 1e-9;
+            reported = pose;
+        }
+        if ms % 5 == 4 {
+            let [way, turn] = response.step(allowed, &limits);
             pose = Pose::new(way, 0.0, turn).in_frame_of(pose);
             farthest = farthest.max(pose.x_mm);
         }
@@ -60,7 +62,7 @@ fn follower_rests_on_poses_all_around() {
             (500.0, -20.0, 720.0),
         ] {
             let target = Pose::new(x, y, rotation);
-            assert_at(drive(target, &config, 1e3, true).0, target);
+            assert_at(drive(target, &config, 1e3, true, 25).0, target);
         }
     }
 }
@@ -70,12 +72,12 @@ fn held_back_follower_turns_round_without_overshoot() {
     let config = config(&Image::FIRST_BOARD);
     let ahead = Pose::new(600.0, 0.0, 0.0);
     for held in [100.0, 30.0] {
-        let (end, farthest) = drive(ahead, &config, held, true);
+        let (end, farthest) = drive(ahead, &config, held, true, 25);
         assert_at(end, ahead);
         assert!(farthest < 603.0, "{farthest} mm, held at {held} mm/s");
     }
     let behind = Pose::new(-60.0, 2.0, 0.0);
-    assert_at(drive(behind, &config, 1e3, false).0, behind);
+    assert_at(drive(behind, &config, 1e3, false, 25).0, behind);
     // The criteria's tolerance, where it is the tighter one.
     let (tolerance_deg, rest) = (0.2, ArrivalCriteria::default());
     let criteria = ArrivalCriteria {
@@ -84,4 +86,13 @@ fn held_back_follower_turns_round_without_overshoot() {
     };
     let follower = PoseFollower::new(ahead, &criteria, &config);
     assert!(!follower.reaches(Pose::new(600.0, 0.0, 0.3)));
+}
+
+#[test]
+fn target_is_reached_at_any_rate_of_frames() {
+    let config = config(&Image::FIRST_BOARD);
+    let target = Pose::new(500.0, 0.0, 90.0);
+    for frame_ms in [2, 10, 125] {
+        assert_at(drive(target, &config, 1e3, true, frame_ms).0, target);
+    }
 }
