@@ -3,7 +3,7 @@
 use geometry::{Point, Segment};
 
 use crate::imperfections::stream;
-use crate::{Imperfections, Pose2, Rng, Room, Sides};
+use crate::{Imperfections, Pose2, Rng, Room, Sides, Sill};
 
 /// Travel over which a wheel rolls off a sill, mm: half of its diameter.
 const SILL_WAY_MM: f64 = 40.0;
@@ -14,7 +14,7 @@ const NOISE_WAY_MM: f64 = 100.0;
 #[derive(Clone, Debug)]
 pub(crate) struct Floor {
     noise_mm: f64,
-    sill: Option<(f64, f64)>,
+    sill: Option<Sill>,
     rng: Rng,
     /// The sills being crossed: travel left of each, and the travel it adds per millimetre.
     crossings: Vec<(f64, Sides<f64>)>,
@@ -22,10 +22,9 @@ pub(crate) struct Floor {
 
 impl Floor {
     pub(crate) fn new(imperfections: &Imperfections, seed: u64) -> Self {
-        let figures = imperfections.sill;
         Self {
             noise_mm: imperfections.travel_noise_mm.unwrap_or(0.0),
-            sill: figures.map(|sill| (sill.yaw_deg.to_radians(), sill.slip_mm)),
+            sill: imperfections.sill,
             rng: Rng::stream(seed, stream::FLOOR),
             crossings: Vec::new(),
         }
@@ -52,12 +51,12 @@ impl Floor {
 
     /// The middle of the axle has moved: begins the crossing of the sills in between.
     pub(crate) fn cross(&mut self, room: &Room, from: &Pose2, to: &Pose2, track_mm: f64) {
-        let Some((yaw_rad, slip_mm)) = self.sill else {
+        let Some(Sill { yaw_deg, slip_mm }) = self.sill else {
             return;
         };
         let way = Segment::new(from.position(), to.position());
         for _ in room.sills.iter().filter(|sill| crosses(&way, sill)) {
-            let kick = self.rng.within(yaw_rad) * track_mm / 2.0;
+            let kick = self.rng.within(yaw_deg.to_radians()) * track_mm / 2.0;
             let slip = slip_mm * self.rng.unit();
             let forward = to.relative_to(from).x_mm.signum();
             let added = Sides::new(-kick - forward * slip, kick - forward * slip);

@@ -67,37 +67,29 @@ pub struct MotorParams {
 }
 
 impl MotorParams {
-    const COMMON: Self = Self {
-        dead_zone: 0.2,
-        breakaway: 0.02,
-        speeds_deg_s: [115.0, 195.0, 300.0],
-        lag_s: 0.17,
-        friction_deg_s2: 385.0,
-        brake_lag_s: 0.04,
-        nominal_v: 7.4,
-        bridge_drop_v: 2.0,
-        winding_ohm: 3.6,
-    };
-
     /// The first board's left motor.
     pub const fn first_board_left() -> Self {
         Self {
             dead_zone: 0.16,
+            breakaway: 0.02,
             speeds_deg_s: [98.83, 150.55, 266.23],
             lag_s: 0.1849,
             friction_deg_s2: 367.2,
-            ..Self::COMMON
+            brake_lag_s: 0.04,
+            nominal_v: 7.4,
+            bridge_drop_v: 2.0,
+            winding_ohm: 3.6,
         }
     }
 
-    /// The first board's right motor.
+    /// The first board's right motor. The assumed figures are the left one's.
     pub const fn first_board_right() -> Self {
         Self {
             dead_zone: 0.23,
             speeds_deg_s: [129.14, 235.90, 331.06],
             lag_s: 0.1516,
             friction_deg_s2: 401.9,
-            ..Self::COMMON
+            ..Self::first_board_left()
         }
     }
 

@@ -41,9 +41,7 @@ fn travel_noise_is_white_and_independent_per_wheel() {
 /// The pose after driving 600 mm along x, or back, in steps of a millimetre over sills at x = 100 mm
 /// and at y = 50 mm.
 fn over_sills(world: &Imperfections, seed: u32, backwards: bool) -> Pose2 {
-    let room = Room::default()
-        .with_sill(100.0, -50.0, 100.0, 50.0)
-        .with_sill(0.0, 50.0, 500.0, 50.0);
+    let room = Room::parse("sill 100 -50 100 50\nsill 0 50 500 50").unwrap();
     let mut floor = Floor::new(world, seed.into());
     let mut pose = Pose2::new(if backwards { 300.0 } else { -300.0 }, 0.0, 0.0);
     let mm = if backwards { -1.0 } else { 1.0 };

@@ -120,9 +120,9 @@ impl Room {
             }
             ("circle", _) => return Err(count("circle x y radius")),
             ("sill", &[x1, y1, x2, y2]) => {
-                let length = libm::hypot(x2 - x1, y2 - y1);
-                positive(&[length], "a sill's length")?;
-                self = self.with_sill(x1, y1, x2, y2);
+                let sill = Segment::new(Point::new(x1, y1), Point::new(x2, y2));
+                positive(&[sill.length_mm()], "a sill's length")?;
+                self.sills.push(sill);
             }
             ("sill", _) => return Err(count("sill x1 y1 x2 y2")),
             ("start", &[x, y, angle]) => self.start = Pose2::new(x, y, angle.to_radians()),
@@ -166,10 +166,8 @@ mod tests {
         let curtain = Segment::new(Point::new(9.0, 9.0), Point::new(9.0, 8.0));
         assert_eq!((room.soft[0], room.soft.len()), (curtain, 5));
         assert_eq!(room.segments.len(), 6);
-        assert_eq!(
-            room.sills,
-            Room::default().with_sill(3.0, 3.0, 3.0, 4.0).sills
-        );
+        let sill = Segment::new(Point::new(3.0, 3.0), Point::new(3.0, 4.0));
+        assert_eq!(room.sills, [sill]);
         let pillar = Room::default().with_circle(Point::new(1.0, 2.0), 3.0);
         assert_eq!(room.circles, pillar.circles);
         assert_eq!(room.start, Pose2::new(1.0, 2.0, std::f64::consts::PI));

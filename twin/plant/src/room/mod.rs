@@ -7,7 +7,6 @@ mod visible;
 
 pub use format::{ParseError, Problem};
 pub use generate::generate;
-pub use reachable::{CELL_MM, REACHABLE_MM};
 
 use geometry::{Circle, Point, RayHit, Segment};
 
@@ -30,9 +29,6 @@ pub struct Room {
     pub tour: Vec<Pose2>,
 }
 
-/// The text of the default room, an example of the format.
-pub const DEFAULT_ROOM: &str = include_str!("../../rooms/two-rooms.room");
-
 impl Room {
     /// Two rooms of together 6 m by 4 m, joined by a doorway of 0.9 m, with furniture and a pillar,
     /// and a tour of more than 25 m along their walls. It starts at the origin heading along x, so
@@ -41,7 +37,8 @@ impl Room {
     /// # Panics
     /// Never: a test reads the text.
     pub fn two_rooms() -> Self {
-        Self::parse(DEFAULT_ROOM).expect("the default room is well-formed")
+        let text = include_str!("../../rooms/two-rooms.room");
+        Self::parse(text).expect("the default room is well-formed")
     }
 
     /// Adds a wall between two points, mm.
@@ -66,21 +63,6 @@ impl Room {
     #[must_use]
     pub fn with_circle(mut self, centre: Point, radius_mm: f64) -> Self {
         self.circles.push(Circle { centre, radius_mm });
-        self
-    }
-
-    /// Adds a door sill or the edge of a carpet between two points, mm.
-    #[must_use]
-    pub fn with_sill(mut self, x1: f64, y1: f64, x2: f64, y2: f64) -> Self {
-        let sill = Segment::new(Point::new(x1, y1), Point::new(x2, y2));
-        self.sills.push(sill);
-        self
-    }
-
-    /// The same room with all its walls and boxes soft.
-    #[must_use]
-    pub fn softened(mut self) -> Self {
-        self.soft.append(&mut self.segments);
         self
     }
 

@@ -98,7 +98,7 @@ impl Piece {
     }
 
     fn softened(mut self) -> Self {
-        self.surfaces = self.surfaces.softened();
+        self.surfaces.soft.append(&mut self.surfaces.segments);
         self
     }
 }
