@@ -160,7 +160,7 @@ fn scan_slow_servo_shows_bearing_errors() {
 #[test]
 fn scan_servo_rests_without_frames() {
     let mut robot = robot(&sweeping(), exact());
-    let angle = |board: &Board| board.world(|world| world.servo().angle_rad().to_degrees());
+    let angle = |board: &Board| board.world(|world| world.servo.angle_rad.to_degrees());
     robot.rig.run_us(700_000);
     assert!(angle(&robot.rig.board).abs() < 1e-9);
     assert!(robot.rig.pings().is_empty());
@@ -174,7 +174,7 @@ fn scan_servo_rests_without_frames() {
     assert!((angle(&robot.rig.board) - stands).abs() < 1e-9);
     assert_eq!(robot.rig.pings().len(), pings);
     // Turned from outside meanwhile: the readings after that are still true.
-    robot.rig.world(|world| world.servo_mut().force(1.2));
+    robot.rig.world(|world| world.servo.angle_rad = 1.2);
     let reports = frames(&mut robot, 1_500_000);
     let fresh = readings(&reports[24..]);
     let after = robot.rig.pings();
@@ -196,7 +196,7 @@ const TIM1_ARR: u64 = 0x4001_002C;
 fn servo_points_ahead_in_other_modes() {
     let image = image_with_servo(Mode::Normal);
     let rig = Rig::configured(image.0.to_vec());
-    rig.world(|world| world.servo_mut().force(-1.5));
+    rig.world(|world| world.servo.angle_rad = -1.5);
     rig.trace_writes(TIM1_ARR);
     let frame = robot_tests::reference::normal_frame(0, 0, 0, false);
     let _ = rig.keep_sending(&frame, 450_000);

@@ -279,7 +279,7 @@ impl BoardModel {
         // The board pulls an undriven line down.
         let high = level == Some(Level::High);
         if let Some(width_us) = self.servo.level(now.0, high) {
-            self.world.servo_mut().pulse(width_us);
+            self.world.servo.pulse(width_us);
         }
     }
 

@@ -36,7 +36,8 @@ const PULSES_US: (f64, f64) = (800.0, 2200.0);
 #[derive(Clone, Copy, Debug)]
 pub struct Servo {
     params: ServoParams,
-    angle_rad: f64,
+    /// Angle, radians counter-clockwise from the middle of its travel; a change turns it from outside.
+    pub angle_rad: f64,
     target_rad: f64,
     /// Seconds since the last pulse.
     since_s: f64,
@@ -73,16 +74,6 @@ impl Servo {
         let most = self.params.slew_rad_s * dt_s;
         self.angle_rad += eased.clamp(-most, most);
     }
-
-    /// Angle, radians counter-clockwise from the middle of its travel.
-    pub const fn angle_rad(&self) -> f64 {
-        self.angle_rad
-    }
-
-    /// Turns it from outside.
-    pub const fn force(&mut self, angle_rad: f64) {
-        self.angle_rad = angle_rad;
-    }
 }
 
 #[cfg(test)]
@@ -97,7 +88,7 @@ mod tests {
             }
             servo.step(0.001);
         }
-        servo.angle_rad().to_degrees()
+        servo.angle_rad.to_degrees()
     }
 
     #[test]
@@ -120,7 +111,7 @@ mod tests {
         for _ in 0..500 {
             servo.step(0.001);
         }
-        let stopped_at = servo.angle_rad().to_degrees();
+        let stopped_at = servo.angle_rad.to_degrees();
         assert!(stopped_at < 45.0);
         for invalid_us in [300.0, 5000.0] {
             assert!((run(&mut servo, invalid_us, 500) - stopped_at).abs() < 1e-9);

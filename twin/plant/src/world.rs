@@ -19,13 +19,14 @@ pub struct World {
     /// The encoders' exact positions, counts.
     counts: Sides<f64>,
     battery: Battery,
-    servo: Servo,
     sonar: Sonar,
     floor: Floor,
     rng: Rng,
     time_s: f64,
     path_mm: f64,
     collision: CollisionDetector,
+    /// The servo of the front rangefinder.
+    pub servo: Servo,
     /// What is broken; change it at any time.
     pub faults: Faults,
     /// External rotation of the wheels, °/s, on top of the motors'; the encoders see it.
@@ -183,16 +184,6 @@ impl World {
         self.collision.invalidate();
     }
 
-    /// The servo of the front rangefinder.
-    pub const fn servo(&self) -> &Servo {
-        &self.servo
-    }
-
-    /// The servo, to send it a pulse or to turn it from outside.
-    pub const fn servo_mut(&mut self) -> &mut Servo {
-        &mut self.servo
-    }
-
     /// Position and direction of a rangefinder (0 front, 1 right, 2 left), its servo considered.
     ///
     /// # Panics
@@ -200,7 +191,7 @@ impl World {
     pub fn mount(&self, sensor: usize) -> Mount {
         let mut mount = self.params.mounts[sensor];
         if sensor == crate::FRONT {
-            mount.bearing_rad += self.servo.angle_rad();
+            mount.bearing_rad += self.servo.angle_rad;
         }
         mount
     }

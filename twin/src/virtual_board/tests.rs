@@ -126,7 +126,7 @@ fn tim1_pulse_turns_servo_once_outputs_are_enabled() {
             board.write(TIM1, 1 << 3 | 1);
             board.run(20_000_000);
         }
-        board.mcu.board.world.servo().angle_rad().to_degrees()
+        board.mcu.board.world.servo.angle_rad.to_degrees()
     };
     assert!(pulses(&mut board, 2000).abs() < 1e-9, "the outputs are off");
     board.write(TIM1 + 0x44, 1 << 15);
