@@ -27,7 +27,7 @@ fn reply_alternates_cells_with_true_voltages() {
     for (mode, frame, at) in [(0, &normal[..], 11), (1, &tuning, 9), (2, &tuning, 9)] {
         let rig = Rig::configured(image_in_mode(mode));
         rig.run_us(30_000);
-        let cells = rig.truth().cells_v();
+        let cells = rig.truth().cells_v;
         let mut next = None;
         // The converter measures the temperature in between.
         for _ in 0..60 {

@@ -69,7 +69,7 @@ fn missing_tick_stops_motors_and_restarts() {
 fn assert_restarts(rig: &Rig, within_us: u64) -> u64 {
     assert!(rig.run_until(within_us, 1_000, |board| !board.resets().is_empty()));
     let reset_us = rig.now_us();
-    assert_eq!(rig.resets()[0].source, ResetSource::Watchdog);
+    assert_eq!(rig.resets()[0], ResetSource::Watchdog);
     rig.assert_ready();
     assert!(rig.motors_off(), "after the restart it stands");
     rig.run_us(100_000);
@@ -192,7 +192,7 @@ fn reset_by_the_core_is_a_restart_after_a_failure() {
     rig.assert_ready();
     let _ = rig.frame(&ahead());
     rig.run_us(60_000);
-    assert_eq!(rig.resets()[0].source, ResetSource::Core);
+    assert_eq!(rig.resets()[0], ResetSource::Core);
     rig.assert_logged("boot after software reset");
     rig.assert_logged("restarted after a failure");
 }

@@ -116,7 +116,7 @@ fn cells_read_the_same_at_any_supply() {
     for millivolts in [2_600, 3_000, 3_600, 3_300] {
         rig.set_supply(millivolts);
         let _ = rig.keep_sending(&stand, 1_000_000);
-        let cells = rig.truth().cells_v();
+        let cells = rig.truth().cells_v;
         for _ in 0..2 {
             let reply = NormalReply::of(&rig.keep_sending(&stand, 25_000));
             let volts = f64::from(reply.voltage) / 200.0;
@@ -188,7 +188,7 @@ fn on_its_last_charge(warn_mv: u64, cutoff_mv: u64) -> Rig {
 
 /// The lower cell's voltage.
 fn lowest(rig: &Rig) -> f64 {
-    let [one, other] = rig.truth().cells_v();
+    let [one, other] = rig.truth().cells_v;
     one.min(other)
 }
 

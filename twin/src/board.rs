@@ -32,33 +32,15 @@ pub struct Truth {
     pub wheel_deg_s: Sides<f64>,
     /// What the bridge applies to the motors, −1..=1; 0 with the brake on.
     pub duty: Sides<f64>,
-    /// The battery's taps against ground, volts.
-    pub battery_v: [f64; 2],
+    /// The battery's cells, volts.
+    pub cells_v: [f64; 2],
     /// Length of the path so far, millimetres.
     pub path_mm: f64,
     /// Number of collisions.
     pub collisions: u32,
 }
 
-impl Truth {
-    /// The battery's cells, volts.
-    #[must_use]
-    pub fn cells_v(&self) -> [f64; 2] {
-        let [one, both] = self.battery_v;
-        [one, both - one]
-    }
-}
-
-/// A reset of the microcontroller.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Reset {
-    /// Nanoseconds of virtual time.
-    pub at_ns: u64,
-    /// Its source.
-    pub source: ResetSource,
-}
-
-/// The source of a reset.
+/// The source of a reset of the microcontroller.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ResetSource {
     /// The RESET line.
@@ -223,12 +205,13 @@ impl Board {
             let McuOnBoard { chip, board } = stopped.mcu();
             let duty = |pins| bridge::input(chip, at, pins).duty;
             let (pose, wheel_deg_s) = board.at(at_ns);
+            let [one, both] = board.world.battery().taps();
             Truth {
                 at_ns,
                 pose,
                 wheel_deg_s,
                 duty: Sides::new(duty(pinout::LEFT_BRIDGE), duty(pinout::RIGHT_BRIDGE)),
-                battery_v: board.world.battery().taps(),
+                cells_v: [one, both - one],
                 path_mm: board.world.path_mm(),
                 collisions: u32::try_from(board.world.collisions().len()).unwrap_or(u32::MAX),
             }
@@ -294,17 +277,14 @@ impl Board {
     }
 
     /// Every reset so far.
-    pub fn resets(&self) -> Vec<Reset> {
+    pub fn resets(&self) -> Vec<ResetSource> {
         self.stopped(|stopped| {
             let resets = stopped.session.resets().iter();
-            let resets = resets.map(|reset| Reset {
-                at_ns: reset.at.0,
-                source: match reset.cause {
-                    ResetCause::Pin => ResetSource::Pin,
-                    ResetCause::Core => ResetSource::Core,
-                    ResetCause::Model("IWDG") => ResetSource::Watchdog,
-                    _ => ResetSource::Other,
-                },
+            let resets = resets.map(|reset| match reset.cause {
+                ResetCause::Pin => ResetSource::Pin,
+                ResetCause::Core => ResetSource::Core,
+                ResetCause::Model("IWDG") => ResetSource::Watchdog,
+                _ => ResetSource::Other,
             });
             resets.collect()
         })

@@ -65,7 +65,7 @@ pub mod trace;
 mod unmodelled;
 pub mod virtual_board;
 
-pub use board::{Board, Reset, ResetSource, Truth};
+pub use board::{Board, ResetSource, Truth};
 pub use components::i2c_bus::I2cController;
 pub use components::mpu6050::Mpu6050Fault;
 pub use components::spi_master::SpiStep;

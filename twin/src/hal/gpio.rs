@@ -129,8 +129,6 @@ mod tests {
         assert_eq!(board.instructions(), before);
         assert_eq!(board.pin(Line::Reset).is_low(), Ok(true));
         board.pin(Line::Reset).set_high().unwrap();
-        let resets = board.resets();
-        assert_eq!(resets.len(), 1);
-        assert_eq!(resets[0].source, ResetSource::Pin);
+        assert_eq!(board.resets(), [ResetSource::Pin]);
     }
 }
