@@ -72,7 +72,7 @@ fn boot_eeprom_is_never_written() {
     let rig = Rig::new(Options::with_eeprom(original_image()));
     let part = |rig: &Rig| {
         rig.eeprom(|part| {
-            part.set_write_protect(false);
+            part.write_protected = false;
             (part.writes(), part.bytes().to_vec())
         })
     };
@@ -157,11 +157,11 @@ fn boot_in_a_write_cycle_waits_for_its_end() {
     let rig = Rig::new(Options::with_eeprom(image));
     rig.i2c_bus(move |bus, now| {
         let eeprom = bus.eeprom.as_mut().expect("fitted");
-        eeprom.set_write_protect(false);
+        eeprom.write_protected = false;
         eeprom.start(now, ADDRESS, false);
         assert!(bytes.iter().all(|&byte| eeprom.write(byte)));
         eeprom.stop(now);
-        eeprom.set_write_protect(true);
+        eeprom.write_protected = true;
     });
     let busy_until = rig.now_ns() + WRITE_CYCLE_NS;
     rig.trace_writes(I2C1_DR);
@@ -174,7 +174,7 @@ fn boot_in_a_write_cycle_waits_for_its_end() {
 #[test]
 fn boot_held_bus_is_cleared_and_starts() {
     let rig = Rig::new(Options::with_eeprom(original_image()));
-    rig.i2c_bus(|bus, _| bus.hold_sda(9));
+    rig.i2c_bus(|bus, _| bus.sda_held = 9);
     rig.trace_writes(GPIOB_BSRR);
     rig.assert_ready();
     rig.assert_logged("W");
@@ -196,14 +196,14 @@ fn boot_held_bus_is_cleared_and_starts() {
     }
     // A slave that nine clocks do not free gets nine more at each attempt.
     let rig = Rig::new(Options::with_eeprom(original_image()));
-    rig.i2c_bus(|bus, _| bus.hold_sda(20));
+    rig.i2c_bus(|bus, _| bus.sda_held = 20);
     rig.assert_ready();
 }
 
 #[test]
 fn boot_shorted_bus_stays_off_and_logs() {
     let rig = Rig::new(Options::with_eeprom(original_image()));
-    rig.i2c_bus(|bus, _| bus.hold_sda(u32::MAX));
+    rig.i2c_bus(|bus, _| bus.sda_held = u32::MAX);
     rig.await_ready();
     assert_stays_off(&rig, "no configuration: I2C held low");
 }

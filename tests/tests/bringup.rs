@@ -106,7 +106,7 @@ fn bringup_mistake_of_the_hardware_fails_its_check() {
     unfitted.eeprom = None;
     mistake("EEPROM", unfitted, &|_| ());
     mistake("I2C lines", sound(), &|rig| {
-        rig.i2c_bus(|bus, _| bus.hold_sda(u32::MAX));
+        rig.i2c_bus(|bus, _| bus.sda_held = u32::MAX);
     });
     for (nth, check) in ["front", "right", "left"].into_iter().enumerate() {
         let check = format!("rangefinder {check}");

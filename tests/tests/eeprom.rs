@@ -106,7 +106,7 @@ fn eeprom_write_killed_is_repaired_by_next_run() {
     let assert_whole = |runs: bool, when: &str| {
         let image = rig.eeprom(|part| Image(*part.bytes().first_chunk().expect("four pages")));
         assert!(image == before || image == after, "{when}");
-        assert!(rig.eeprom(|part| part.is_write_protected()), "{when}");
+        assert!(rig.eeprom(|part| part.write_protected), "{when}");
         let controller = rig.i2c_bus(|bus, _| bus.controller());
         assert_eq!(controller, twin::I2cController::Stm, "{when}");
         if runs {

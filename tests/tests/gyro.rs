@@ -210,8 +210,9 @@ fn gyro_failing_later_drives_by_encoders() {
     let _ = drive_with_fault(fitted, later(Mpu6050Fault::Frozen), "gyro: data frozen");
     let hold = |pulses: u32| {
         move |robot: &LinkedRobot| {
-            robot.rig.run_us(1_000_000);
-            robot.rig.i2c_bus(move |bus, _| bus.hold_sda_by_mpu(pulses));
+            let rig = &robot.rig;
+            rig.run_us(1_000_000);
+            rig.i2c_bus(move |bus, _| bus.sda_held_by_mpu = pulses);
         }
     };
     let _ = drive_with_fault(fitted, hold(u32::MAX), "gyro: I2C held");

@@ -236,7 +236,7 @@ impl BoardModel {
                 }
             } else if pin == pinout::SCL {
                 if high && chip.role(pinout::SCL) == Role::Output {
-                    self.i2c.lock().clock_pulse(I2cController::Stm);
+                    self.i2c.lock().clock_pulse();
                     self.drive_i2c_lines(chip, now);
                 }
             } else {

@@ -35,7 +35,8 @@ pub struct Eeprom {
     /// The page as it will be written, and which of its bytes are new.
     latch: Vec<(usize, u8)>,
     busy_until: u64,
-    write_protected: bool,
+    /// The write-protect pin is high.
+    pub write_protected: bool,
     writes: u64,
 }
 
@@ -68,16 +69,6 @@ impl Eeprom {
     /// Write cycles so far.
     pub fn writes(&self) -> u64 {
         self.writes
-    }
-
-    /// The write-protect pin.
-    pub fn set_write_protect(&mut self, protected: bool) {
-        self.write_protected = protected;
-    }
-
-    /// The write-protect pin's level.
-    pub fn is_write_protected(&self) -> bool {
-        self.write_protected
     }
 
     /// Whether a read is under way, in which a lost clock leaves the part driving the data line.
@@ -147,7 +138,7 @@ mod tests {
 
     fn blank() -> Eeprom {
         let mut eeprom = Eeprom::new(&[]);
-        eeprom.set_write_protect(false);
+        eeprom.write_protected = false;
         eeprom
     }
 

@@ -29,9 +29,9 @@ pub struct I2cBus {
     /// What the switch connects the EEPROM to.
     controller: I2cController,
     /// Clock pulses until a device on the EEPROM's side releases `SDA`; 0 while none holds it.
-    sda_held: u32,
+    pub sda_held: u32,
     /// The same of the MPU6050.
-    sda_held_by_mpu: u32,
+    pub sda_held_by_mpu: u32,
     /// Whether the STM's transaction is with the MPU6050.
     mpu_addressed: bool,
 }
@@ -68,30 +68,18 @@ impl I2cBus {
         }
     }
 
-    /// A device on the EEPROM's side holds `SDA` low for this many clock pulses.
-    pub fn hold_sda(&mut self, pulses: u32) {
-        self.sda_held = pulses;
-    }
-
-    /// The MPU6050 holds `SDA` low for this many clock pulses.
-    pub fn hold_sda_by_mpu(&mut self, pulses: u32) {
-        self.sda_held_by_mpu = pulses;
-    }
-
     /// Whether `SDA` is held low on the wires of `side`.
     pub fn is_sda_held(&self, side: I2cController) -> bool {
         let by_mpu = self.sda_held_by_mpu > 0 && side == I2cController::Stm;
         by_mpu || self.sda_held > 0 && self.controller == side
     }
 
-    /// A clock pulse by `side`.
-    pub fn clock_pulse(&mut self, side: I2cController) {
-        if self.controller == side {
+    /// A clock pulse by the STM.
+    pub fn clock_pulse(&mut self) {
+        if self.controller == I2cController::Stm {
             self.sda_held = self.sda_held.saturating_sub(1);
         }
-        if side == I2cController::Stm {
-            self.sda_held_by_mpu = self.sda_held_by_mpu.saturating_sub(1);
-        }
+        self.sda_held_by_mpu = self.sda_held_by_mpu.saturating_sub(1);
     }
 
     /// The STM was reset: in the middle of a read the device is left driving `SDA`.
@@ -224,11 +212,11 @@ mod tests {
     #[test]
     fn nine_clock_pulses_free_held_bus() {
         let mut bus = bus();
-        bus.hold_sda(CLEARING_PULSES);
+        bus.sda_held = CLEARING_PULSES;
         for _ in 0..CLEARING_PULSES {
             assert!(bus.is_sda_held(Stm));
             assert!(!bus.start(Stm, 0, ADDRESS, false));
-            bus.clock_pulse(Stm);
+            bus.clock_pulse();
         }
         assert!(!bus.is_sda_held(Stm));
         assert!(bus.start(Stm, 0, ADDRESS, false));
@@ -255,12 +243,12 @@ mod tests {
     fn sda_held_by_mpu_blocks_stm_alone() {
         let mut bus = bus();
         bus.switch_to(Pi);
-        bus.hold_sda_by_mpu(2);
+        bus.sda_held_by_mpu = 2;
         assert!(bus.is_sda_held(Stm) && !bus.is_sda_held(Pi));
         assert!(!bus.start(Stm, 0, MPU_ADDRESS, false));
         assert!(bus.start(Pi, 0, ADDRESS, false));
-        bus.clock_pulse(Stm);
-        bus.clock_pulse(Stm);
+        bus.clock_pulse();
+        bus.clock_pulse();
         assert!(bus.start(Stm, 0, MPU_ADDRESS, true));
     }
 

@@ -3,7 +3,6 @@
 use embedded_hal::digital::{Error, ErrorKind, ErrorType, InputPin, OutputPin};
 
 use crate::board::Board;
-use crate::components::eeprom::Eeprom;
 use crate::components::i2c_bus::I2cController;
 use crate::emulator::EmulationEnded;
 
@@ -39,7 +38,7 @@ impl Pin {
             Line::Select => stopped.switch_i2c(I2cController::Stm),
             Line::WriteProtect | Line::Ready => stopped.i2c_bus(|bus, _| {
                 if let Some(eeprom) = &mut bus.eeprom {
-                    eeprom.set_write_protect(high);
+                    eeprom.write_protected = high;
                 }
             }),
         })?;
@@ -87,7 +86,7 @@ impl InputPin for Pin {
             match line {
                 Line::Reset => !mcu.board.reset_low,
                 Line::Select => bus.controller() == I2cController::Pi,
-                Line::WriteProtect => bus.eeprom.as_ref().is_none_or(Eeprom::is_write_protected),
+                Line::WriteProtect => bus.eeprom.as_ref().is_none_or(|part| part.write_protected),
                 Line::Ready => mcu.is_ready(),
             }
         })?;

@@ -157,7 +157,7 @@ mod tests {
     #[test]
     fn held_bus_is_reported() {
         let board = board();
-        board.i2c_bus(|bus, _| bus.hold_sda(9));
+        board.i2c_bus(|bus, _| bus.sda_held = 9);
         assert_eq!(board.i2c().write(ADDRESS, &[0, 0]), Err(I2cError::Held));
     }
 }

@@ -12,15 +12,13 @@ use crate::pin::{PORTS, Pin};
 /// The instance's name.
 pub const NAME: &str = "BOARD";
 
-static REGISTERS: [RegisterSpec; 0] = [];
-
 /// The instance: no bytes, so no access reaches it.
 pub const INSTANCE: Peripheral = Peripheral {
     name: NAME,
     base: 0x4FFF_FC00,
     size: 0,
     interrupts: &[],
-    registers: &REGISTERS,
+    registers: NoRegister::REGISTERS,
 };
 
 /// The layout without a register.
@@ -28,7 +26,7 @@ pub const INSTANCE: Peripheral = Peripheral {
 pub enum NoRegister {}
 
 impl Layout for NoRegister {
-    const REGISTERS: &'static [RegisterSpec] = &REGISTERS;
+    const REGISTERS: &'static [RegisterSpec] = &[];
 
     fn from_index(_index: usize) -> Option<Self> {
         None
@@ -67,11 +65,6 @@ impl BoardPort {
     /// What changed since the last call, oldest first.
     pub fn take_changes(&mut self) -> Vec<PinChange> {
         std::mem::take(&mut self.changes)
-    }
-
-    /// Keeps the recorded pins, for the part that replaces this one at a reset.
-    pub(crate) fn inherit(&mut self, from: &Self) {
-        self.watched = from.watched;
     }
 }
 

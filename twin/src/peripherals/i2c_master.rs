@@ -19,7 +19,8 @@ use rigless::time::{EventId, VirtualNanos};
 pub struct I2cPeripheral {
     /// `rigless`'s model of everything else.
     pub inner: I2c,
-    last: bool,
+    /// The byte that ends next is the last of the stream, and is not acknowledged.
+    pub next_is_last: bool,
     held_low: bool,
     /// What waits while a device stretches the clock.
     stretched: Option<Vec<EventId>>,
@@ -35,7 +36,7 @@ impl I2cPeripheral {
     pub fn with_clock(clock_hz: u64) -> Self {
         Self {
             inner: I2c::with_clock(clock_hz),
-            last: false,
+            next_is_last: false,
             held_low: false,
             stretched: None,
             bus_error: false,
@@ -71,11 +72,6 @@ impl I2cPeripheral {
     /// Whether a received byte waits in `DR`.
     pub fn has_byte(registers: &RegisterFile) -> bool {
         sr1::RXNE.is_set(registers.get(Register::Sr1))
-    }
-
-    /// The byte that ends next is the last of the stream, and is not acknowledged.
-    pub fn next_is_last(&mut self, last: bool) {
-        self.last = last;
     }
 
     /// A device holds `SDA` or `SCL` low, or releases it: then a pending start is made.
@@ -170,7 +166,7 @@ impl Device for I2cPeripheral {
             return;
         }
         let control = registers.get(Register::Cr1);
-        if self.last && cr1::ACK.is_set(control) {
+        if self.next_is_last && cr1::ACK.is_set(control) {
             // The hardware's NACK leaves the software's ACK bit unchanged.
             registers.set(Register::Cr1, cr1::ACK.set(control, 0));
             self.inner.on_event(event, registers, context);
@@ -205,14 +201,14 @@ impl Device for I2cPeripheral {
     }
 
     fn reset(&mut self) {
-        self.last = false;
+        self.next_is_last = false;
         self.stretched = self.stretched.take().map(|_| Vec::new());
         self.bus_error = false;
         self.inner.reset();
     }
 
     fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
-        self.last = false;
+        self.next_is_last = false;
         self.stretched = self.stretched.take().map(|_| Vec::new());
         self.inner.reset_line(registers, context);
     }

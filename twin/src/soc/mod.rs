@@ -259,7 +259,7 @@ impl Stm32f411 {
     fn update_next_is_last(&mut self) {
         let registers = self.block(self.slots.i2c1);
         if !I2cPeripheral::uses_last(registers) {
-            self.i2c[0].next_is_last(false);
+            self.i2c[0].next_is_last = false;
             return;
         }
         let waiting = u64::from(I2cPeripheral::has_byte(registers));
@@ -271,7 +271,7 @@ impl Stm32f411 {
             let left = streams.get(count) & 0xFFFF;
             enabled && channel == 1 && left.saturating_sub(waiting) == 1
         });
-        self.i2c[0].next_is_last(last);
+        self.i2c[0].next_is_last = last;
     }
 }
 
@@ -312,7 +312,6 @@ impl Mcu for Stm32f411 {
         }
         fresh.adc.inherit(&self.adc);
         fresh.spi.prefetch = self.spi.prefetch;
-        fresh.board_port.inherit(&self.board_port);
         let rtc = self.bus.slot_of("RTC").expect("an instance of the part");
         let backup = fresh.bus.slot_mut(rtc).registers_mut();
         for register in g::rtc::Register::ALL {

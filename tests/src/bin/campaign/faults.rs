@@ -92,7 +92,7 @@ const fn stalled(wheel: Faults) -> Sign {
 }
 
 fn hold(board: &Board, pulses: u32) {
-    board.i2c_bus(move |bus, _| bus.hold_sda_by_mpu(pulses));
+    board.i2c_bus(move |bus, _| bus.sda_held_by_mpu = pulses);
 }
 
 /// Flips a bit of a gain.
