@@ -23,7 +23,7 @@ use crate::components::servo::ServoLine;
 use crate::components::spi_master::SpiMaster;
 use crate::components::uart_receiver::{LogByte, UartReceiver, is_readable};
 use crate::peripherals::board_port::PinChange;
-use crate::pinout;
+use crate::pinout::{self, ENCODERS};
 use crate::soc::{Role, Stm32f411};
 
 /// The world is integrated in steps of this length; encoder edges are placed inside them.
@@ -99,9 +99,6 @@ impl Motion {
         }
     }
 }
-
-/// The encoders' pins in the order of the plant: left, right.
-const ENCODERS: [pinout::EncoderPins; 2] = [pinout::LEFT_ENCODER, pinout::RIGHT_ENCODER];
 
 impl BoardModel {
     /// The board of a robot in `world`.

@@ -67,18 +67,19 @@ pub struct EncoderPins {
     pub function: u8,
 }
 
-/// The left encoder: TIM2.
-pub const LEFT_ENCODER: EncoderPins = EncoderPins {
-    pins: [pin('A', 15), pin('B', 3)],
-    timer: 0,
-    function: 1,
-};
-/// The right encoder: TIM3.
-pub const RIGHT_ENCODER: EncoderPins = EncoderPins {
-    pins: [pin('C', 6), pin('C', 7)],
-    timer: 1,
-    function: 2,
-};
+/// Left (TIM2), right (TIM3): the order of the plant.
+pub const ENCODERS: [EncoderPins; 2] = [
+    EncoderPins {
+        pins: [pin('A', 15), pin('B', 3)],
+        timer: 0,
+        function: 1,
+    },
+    EncoderPins {
+        pins: [pin('C', 6), pin('C', 7)],
+        timer: 1,
+        function: 2,
+    },
+];
 
 /// A rangefinder's pins.
 #[derive(Clone, Copy, Debug)]

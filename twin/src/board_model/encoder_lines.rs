@@ -3,9 +3,10 @@
 use rigless::device::Level;
 use rigless::time::VirtualNanos;
 
-use super::{BoardModel, ENCODERS};
+use super::BoardModel;
 use crate::components::encoder::Encoder;
 use crate::pin::Pin;
+use crate::pinout::ENCODERS;
 use crate::soc::{Role, Stm32f411};
 
 impl BoardModel {

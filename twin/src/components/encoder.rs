@@ -31,11 +31,8 @@ impl Encoder {
     pub fn plan(&mut self, start: u64, span: u64, from: f64, to: f64) {
         let (first, last) = (from.floor() as i64, to.floor() as i64);
         let falls = last < first;
-        let mut passed: Vec<i64> = (first.min(last) + 1..=first.max(last)).collect();
-        if falls {
-            passed.reverse();
-        }
-        for whole in passed {
+        for nth in 0..(last - first).abs() {
+            let whole = if falls { first - nth } else { first + 1 + nth };
             let share = ((whole as f64 - from) / (to - from)).clamp(0.0, 1.0);
             let at = start + (share * span as f64) as u64;
             let count = whole - i64::from(falls);
