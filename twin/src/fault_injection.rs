@@ -28,7 +28,7 @@ impl Board {
         self.world(|world| change(&mut world.faults));
     }
 
-    /// Changes the MPU6050, if one is fitted: its fault, its errors, its supply.
+    /// Changes the MPU6050, if one is fitted: its fault.
     pub fn set_mpu(&self, change: impl FnOnce(&mut Mpu6050) + Send + 'static) {
         self.i2c_bus(|bus, _| bus.mpu.as_mut().map(change));
     }

@@ -92,12 +92,12 @@ impl Board {
     /// memory.
     pub fn words(&self, address: u64, count: u64) -> Vec<u32> {
         self.stopped(move |stopped| {
-            let mut word = |nth| {
-                let word = stopped.host.read(address + 4 * nth, Width::W32).ok();
-                word.and_then(|word| u32::try_from(word).ok())
+            let word = |nth| {
+                let word = stopped.host.read(address + 4 * nth, Width::W32);
+                let word = word.unwrap_or_else(|error| panic!("{address:#x}: {error}"));
+                u32::try_from(word).expect("32 bits")
             };
-            let words: Option<Vec<u32>> = (0..count).map(&mut word).collect();
-            words.unwrap_or_else(|| panic!("no memory at {address:#x}"))
+            (0..count).map(word).collect()
         })
     }
 

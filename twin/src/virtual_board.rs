@@ -14,9 +14,6 @@ use crate::components::uart_receiver::UartReceiver;
 use crate::pinout;
 use crate::soc::Stm32f411;
 
-/// The emulator's name for the board.
-pub const NAME: &str = "virtual-board";
-
 /// The rail, millivolts.
 const RAIL_MV: u32 = 3300;
 
@@ -106,7 +103,7 @@ impl Store for VirtualBoard {}
 
 impl Board for VirtualBoard {
     fn name(&self) -> &'static str {
-        NAME
+        "virtual-board"
     }
 
     fn target_names(&self) -> Vec<&'static str> {

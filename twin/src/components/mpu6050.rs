@@ -113,22 +113,6 @@ impl Mpu6050 {
         (self.pin, self.falls) = (false, None);
     }
 
-    /// Its supply is interrupted.
-    pub fn power_cycle(&mut self) {
-        self.reset();
-        self.reading = false;
-    }
-
-    /// Its errors, to be changed at any time: a bias that jumps.
-    pub fn params_mut(&mut self) -> &mut GyroParams {
-        &mut self.params
-    }
-
-    /// Contents of register `address`.
-    pub fn register(&self, address: u8) -> u8 {
-        self.registers[usize::from(address) % REGISTERS]
-    }
-
     /// How often its rate has been read.
     pub fn reads(&self) -> u64 {
         self.reads

@@ -96,8 +96,6 @@ impl Event {
 pub struct Span {
     /// When it was entered, nanoseconds of virtual time.
     pub entered_ns: u64,
-    /// When it returned.
-    pub left_ns: u64,
     /// Instructions retired before its first.
     pub entered: u64,
     /// Instructions it took, the first and the last included.
@@ -127,7 +125,6 @@ pub fn spans(traced: &TracedFunction, events: &[Event]) -> Vec<Span> {
             open = None;
             spans.push(Span {
                 entered_ns: entry.at_ns,
-                left_ns: event.at_ns,
                 entered: entry.instructions,
                 instructions: event.instructions - entry.instructions + 1,
             });
@@ -223,7 +220,7 @@ mod tests {
         let spans = spans(&traced, &events.map(|(address, nth)| reached(address, nth)));
         assert_eq!(spans.len(), 1);
         assert_eq!(spans[0].instructions, 10);
-        assert_eq!((spans[0].entered_ns, spans[0].left_ns), (100, 190));
+        assert_eq!(spans[0].entered_ns, 100);
     }
 
     #[test]

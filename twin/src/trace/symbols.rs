@@ -1,7 +1,5 @@
 //! The functions of an ELF file: where their instructions are, and by which they return.
 
-use std::collections::HashMap;
-
 use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
 
 use super::thumb::{Flow, flow, halfwords};
@@ -58,7 +56,6 @@ impl TracedFunction {
             let start = function.name.strip_suffix(name);
             start.is_some_and(|start| start.is_empty() || start.ends_with("::"))
         };
-        let by_address: HashMap<u64, &Function> = all.iter().map(|f| (f.address, f)).collect();
         let exact = all.iter().find(|function| function.name == name);
         let root = exact.or_else(|| all.iter().find(matches));
         let root = root.ok_or_else(|| TraceError::NoFunction(name.to_owned()))?;
@@ -66,7 +63,7 @@ impl TracedFunction {
         let mut calls = root.tail_calls.clone();
         while let Some((_, to)) = calls.pop() {
             let is_new = functions.iter().all(|known| known.address != to);
-            if let Some(&target) = by_address.get(&to).filter(|_| is_new) {
+            if let Some(target) = all.iter().find(|f| is_new && f.address == to) {
                 functions.push(target.clone());
                 calls.extend(&target.tail_calls);
             }
@@ -75,15 +72,12 @@ impl TracedFunction {
     }
 
     /// Every instruction to watch: the first one, and each that returns or leaves by a tail call.
-    pub fn watched(&self) -> Vec<u64> {
+    pub(crate) fn watched(&self) -> Vec<u64> {
         let ends = self.functions.iter().flat_map(|function| {
             let leaves = function.tail_calls.iter().map(|(at, _)| *at);
             function.returns.iter().copied().chain(leaves)
         });
-        let mut watched: Vec<u64> = ends.chain([self.functions[0].address]).collect();
-        watched.sort_unstable();
-        watched.dedup();
-        watched
+        ends.chain([self.functions[0].address]).collect()
     }
 }
 

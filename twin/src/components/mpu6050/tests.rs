@@ -50,7 +50,7 @@ fn part_powers_up_asleep_with_its_identity() {
 #[test]
 fn rate_has_bias_scale_delay_and_saturation() {
     let mut part = awake();
-    part.params_mut().noise_deg_s = 0.0;
+    part.params.noise_deg_s = 0.0;
     let mut risen = None;
     for ms in 0..100 {
         part.step_ms(ms * 1_000_000, 100.0);
@@ -73,7 +73,7 @@ fn rate_has_bias_scale_delay_and_saturation() {
 #[test]
 fn bias_drifts_with_time_since_power_up() {
     let mut part = awake();
-    *part.params_mut() = GyroParams {
+    part.params = GyroParams {
         drift_deg_s_min: 0.6,
         ..GyroParams::exact()
     };
@@ -150,6 +150,6 @@ fn faults_change_acknowledge_identity_and_data() {
     part.fault = Mpu6050Fault::Silent;
     assert!(!part.start(ADDRESS, false));
     part.fault = Mpu6050Fault::None;
-    part.power_cycle();
+    set(&mut part, PWR_MGMT_1, RESET);
     assert_eq!(get(&mut part, GYRO_CONFIG, 1), [0]);
 }
