@@ -13,21 +13,17 @@ pub struct Chassis {
     pub track_mm: f64,
     /// Encoder counts per wheel turn, both channels and both edges.
     pub counts_per_turn: f64,
-    /// Which way each encoder counts when its wheel rolls forward: +1 or −1.
-    pub encoder_sign: Sides<f64>,
     /// Radius of the body's bounding circle about the middle of the axle, mm.
     pub radius_mm: f64,
 }
 
 impl Default for Chassis {
-    /// The first board: 80 mm, 125 mm, 3840 counts, both encoders counting down going forward.
-    /// The body's radius is an assumption.
+    /// The first board: 80 mm, 125 mm, 3840 counts. The body's radius is an assumption.
     fn default() -> Self {
         Self {
             wheel_diameter_mm: Sides::new(80.0, 80.0),
             track_mm: 125.0,
             counts_per_turn: 3840.0,
-            encoder_sign: Sides::new(-1.0, -1.0),
             radius_mm: 100.0,
         }
     }
@@ -40,10 +36,10 @@ impl Chassis {
         wheels.map(|(degrees, diameter)| degrees * diameter * PI / 360.0)
     }
 
-    /// Encoder counts, signed as the encoders count, for wheels that turn by these degrees.
+    /// Encoder counts for wheels that turn by these degrees: as on the first board, both encoders count
+    /// down going forward.
     pub fn counts(&self, turned_deg: Sides<f64>) -> Sides<f64> {
-        let wheels = turned_deg.zip(self.encoder_sign);
-        wheels.map(|(degrees, sign)| degrees * sign * self.counts_per_turn / 360.0)
+        turned_deg.map(|degrees| -degrees * self.counts_per_turn / 360.0)
     }
 
     /// The pose after the wheels rolled these millimetres.

@@ -22,7 +22,7 @@
 //! - Lengths in millimetres, angles in radians unless a name says `_deg`, times in seconds unless a
 //!   name says `_us`, voltages in volts. Frames are those of [`geometry`].
 //! - A positive duty drives the wheel forward. The encoders of the first board count *down* going
-//!   forward ([`Chassis::encoder_sign`]).
+//!   forward ([`Chassis::counts`]).
 #![forbid(unsafe_code)]
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 

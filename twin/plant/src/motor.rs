@@ -17,6 +17,17 @@
 //! differs by 5 %). The dead zones are the board's notes'; nominal supply, breakaway, brake and
 //! winding figures are assumptions.
 
+/// Duty beyond the dead zone that starts a wheel at rest.
+const BREAKAWAY: f64 = 0.02;
+/// Lag of the shorted motor, s.
+const BRAKE_LAG_S: f64 = 0.04;
+/// Supply at which the speeds hold, V.
+const NOMINAL_V: f64 = 7.4;
+/// What the L298P's two transistors in series drop, V.
+const BRIDGE_DROP_V: f64 = 2.0;
+/// Resistance of winding and transistors, ohm.
+const WINDING_OHM: f64 = 3.6;
+
 /// What the bridge applies to one motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotorInput {
@@ -48,22 +59,12 @@ impl MotorInput {
 pub struct MotorParams {
     /// Duty below which friction holds the turning wheel, 0..0.5, at nominal supply.
     pub dead_zone: f64,
-    /// Duty beyond the dead zone that starts a wheel at rest.
-    pub breakaway: f64,
     /// Steady speed at 50, 75 and 100 % duty and nominal supply, °/s.
     pub speeds_deg_s: [f64; 3],
     /// Each of the two lags, s.
     pub lag_s: f64,
     /// Deceleration of the undriven wheel by dry friction, °/s².
     pub friction_deg_s2: f64,
-    /// Lag of the shorted motor, s.
-    pub brake_lag_s: f64,
-    /// Supply at which the speeds hold, V.
-    pub nominal_v: f64,
-    /// What the L298P's two transistors in series drop, V.
-    pub bridge_drop_v: f64,
-    /// Resistance of winding and transistors, ohm.
-    pub winding_ohm: f64,
 }
 
 impl MotorParams {
@@ -71,25 +72,19 @@ impl MotorParams {
     pub const fn first_board_left() -> Self {
         Self {
             dead_zone: 0.16,
-            breakaway: 0.02,
             speeds_deg_s: [98.83, 150.55, 266.23],
             lag_s: 0.1849,
             friction_deg_s2: 367.2,
-            brake_lag_s: 0.04,
-            nominal_v: 7.4,
-            bridge_drop_v: 2.0,
-            winding_ohm: 3.6,
         }
     }
 
-    /// The first board's right motor. The assumed figures are the left one's.
+    /// The first board's right motor.
     pub const fn first_board_right() -> Self {
         Self {
             dead_zone: 0.23,
             speeds_deg_s: [129.14, 235.90, 331.06],
             lag_s: 0.1516,
             friction_deg_s2: 401.9,
-            ..Self::first_board_left()
         }
     }
 
@@ -106,11 +101,11 @@ impl MotorParams {
             three_quarters + (full - three_quarters) * (duty - 0.75) * 4.0
         }
     }
+}
 
-    /// Share of the nominal motor voltage that a supply of `volts` leaves after the bridge's drop.
-    fn supply_share(&self, volts: f64) -> f64 {
-        ((volts - self.bridge_drop_v) / (self.nominal_v - self.bridge_drop_v)).max(0.0)
-    }
+/// Share of the nominal motor voltage that a supply of `volts` leaves after the bridge's drop.
+fn supply_share(volts: f64) -> f64 {
+    ((volts - BRIDGE_DROP_V) / (NOMINAL_V - BRIDGE_DROP_V)).max(0.0)
 }
 
 /// One motor's state.
@@ -140,10 +135,10 @@ impl Motor {
         let applied = if input.brake > 0.0 {
             0.0
         } else {
-            input.duty.clamp(-1.0, 1.0) * p.supply_share(volts)
+            input.duty.clamp(-1.0, 1.0) * supply_share(volts)
         };
         let pull = applied.abs();
-        let held = self.speed == 0.0 && self.drive == 0.0 && pull < p.dead_zone + p.breakaway;
+        let held = self.speed == 0.0 && self.drive == 0.0 && pull < p.dead_zone + BREAKAWAY;
         if held {
             self.current_a = self.draw(input, applied);
             return 0.0;
@@ -152,7 +147,7 @@ impl Motor {
         let before = self.speed;
         if input.brake > 0.0 {
             self.drive = 0.0;
-            self.speed -= self.speed * (dt * input.brake / p.brake_lag_s).min(1.0);
+            self.speed -= self.speed * (dt * input.brake / BRAKE_LAG_S).min(1.0);
         } else {
             self.drive += (target - self.drive) * (dt / p.lag_s).min(1.0);
             self.speed += (self.drive - self.speed) * (dt / p.lag_s).min(1.0);
@@ -175,11 +170,10 @@ impl Motor {
         if input.brake > 0.0 {
             return 0.0;
         }
-        let p = &self.params;
-        let full_v = p.nominal_v - p.bridge_drop_v;
+        let full_v = NOMINAL_V - BRIDGE_DROP_V;
         // 95 % of the voltage is generated back at full speed, 5 % feeds friction.
-        let back_v = 0.95 * full_v * self.speed / p.speeds_deg_s[2];
-        let amperes = (applied * full_v - back_v) / p.winding_ohm;
+        let back_v = 0.95 * full_v * self.speed / self.params.speeds_deg_s[2];
+        let amperes = (applied * full_v - back_v) / WINDING_OHM;
         (amperes * input.duty.clamp(-1.0, 1.0)).max(0.0)
     }
 
@@ -209,8 +203,7 @@ mod tests {
 
     /// Degrees turned in `ms` milliseconds at nominal supply.
     fn run(motor: &mut Motor, input: MotorInput, ms: u32) -> f64 {
-        let volts = motor.params.nominal_v;
-        (0..ms).map(|_| motor.step(0.001, input, volts)).sum()
+        (0..ms).map(|_| motor.step(0.001, input, NOMINAL_V)).sum()
     }
 
     #[test]

@@ -8,27 +8,25 @@ pub struct ServoParams {
     pub travel_rad: f64,
     /// Largest speed, radians per second.
     pub slew_rad_s: f64,
-    /// Time constant of settling at the target, seconds.
-    pub settle_s: f64,
-    /// Dead band around the target, microseconds of pulse width.
-    pub dead_band_us: f64,
-    /// Seconds without a pulse until the motor is released.
-    pub timeout_s: f64,
 }
 
 impl Default for ServoParams {
-    /// ±90°, 60° in 0.15 s, as small servos at 4.8 V; the rest is typical of such parts.
+    /// ±90°, 60° in 0.15 s, as small servos at 4.8 V.
     fn default() -> Self {
         Self {
             travel_rad: std::f64::consts::PI,
             slew_rad_s: 400f64.to_radians(),
-            settle_s: 0.003,
-            dead_band_us: 1.0,
-            timeout_s: 0.05,
         }
     }
 }
 
+// Typical of such parts:
+/// Time constant of settling at the target, seconds.
+const SETTLE_S: f64 = 0.003;
+/// Dead band around the target, microseconds of pulse width.
+const DEAD_BAND_US: f64 = 1.0;
+/// Seconds without a pulse until the motor is released.
+const TIMEOUT_S: f64 = 0.05;
 /// Pulse widths outside of these, microseconds, are ignored.
 const PULSES_US: (f64, f64) = (800.0, 2200.0);
 
@@ -66,11 +64,11 @@ impl Servo {
     pub fn step(&mut self, dt_s: f64) {
         self.since_s += dt_s;
         let error = self.target_rad - self.angle_rad;
-        let dead = self.params.dead_band_us / 1000.0 * self.params.travel_rad.abs();
-        if self.since_s > self.params.timeout_s || error.abs() < dead {
+        let dead = DEAD_BAND_US / 1000.0 * self.params.travel_rad.abs();
+        if self.since_s > TIMEOUT_S || error.abs() < dead {
             return;
         }
-        let eased = error * (1.0 - libm::exp(-dt_s / self.params.settle_s));
+        let eased = error * (1.0 - libm::exp(-dt_s / SETTLE_S));
         let most = self.params.slew_rad_s * dt_s;
         self.angle_rad += eased.clamp(-most, most);
     }
