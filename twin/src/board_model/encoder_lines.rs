@@ -22,7 +22,7 @@ impl BoardModel {
                     [faults.dead_channel, faults.noisy_encoder].map(|of| [of.left, of.right][nth]);
                 for (channel, level) in after.iter_mut().enumerate() {
                     // Open collectors: without the part's pull-up nothing makes a line high.
-                    if channel == 1 && dead || !chip.pulls_up(encoder.pins[channel]) {
+                    if channel == 1 && dead || chip.pull(encoder.pins[channel]) != 1 {
                         *level = Level::Low;
                     }
                 }

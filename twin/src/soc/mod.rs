@@ -111,7 +111,8 @@ pub struct Stm32f411 {
     /// The connection to the board.
     pub board_port: BoardPort,
     rules: rules::Rules,
-    on_since: oscillators::OnSince,
+    /// Since when the crystal and the PLL have been on.
+    on_since: [Option<VirtualNanos>; 2],
     bus: Bus,
     models: Box<[Model]>,
     slots: Slots,
@@ -211,7 +212,7 @@ impl Stm32f411 {
             syscfg: Syscfg::default(),
             board_port: BoardPort::default(),
             rules: rules::Rules::default(),
-            on_since: oscillators::OnSince::default(),
+            on_since: [None; 2],
             bus,
             models,
             slots,

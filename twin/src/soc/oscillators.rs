@@ -17,10 +17,6 @@ const HSE_NS: u64 = scaled(2_000_000);
 /// The PLL's longest time to lock (table 41).
 const PLL_NS: u64 = scaled(300_000);
 
-/// Since when the crystal and the PLL have been on.
-#[derive(Debug, Default)]
-pub struct OnSince([Option<VirtualNanos>; 2]);
-
 impl Stm32f411 {
     /// Sets the ready flags, for which a switch to the PLL must wait here: never without a crystal (RM0383
     /// section 6.2.1), where `rigless` sets its flag all the same.
@@ -33,9 +29,9 @@ impl Stm32f411 {
             (g::rcc::cr::PLLON, g::rcc::cr::PLLRDY, PLL_NS, true),
         ];
         for (nth, (on, ready, ns, works)) in sources.into_iter().enumerate() {
-            let before = self.on_since.0[nth];
+            let before = self.on_since[nth];
             let since = on.is_set(control).then(|| before.unwrap_or(now));
-            self.on_since.0[nth] = since;
+            self.on_since[nth] = since;
             if since.is_some() && before.is_none() {
                 self.wake_at(now, VirtualNanos(now.0 + ns));
             }

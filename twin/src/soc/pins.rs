@@ -48,8 +48,8 @@ impl Stm32f411 {
         }
     }
 
-    /// The pin's `PUPDR` code: 0 without a pull.
-    pub(super) fn pull(&self, pin: Pin) -> u64 {
+    /// The pin's `PUPDR` code: 0 without a pull, 1 with its pull-up.
+    pub fn pull(&self, pin: Pin) -> u64 {
         self.port(pin).get(Register::Pupdr) >> (pin.number * 2) & 3
     }
 
@@ -66,11 +66,6 @@ impl Stm32f411 {
             2 => 50_000_000,
             _ => 100_000_000,
         }
-    }
-
-    /// Whether the pin has its pull-up.
-    pub fn pulls_up(&self, pin: Pin) -> bool {
-        self.pull(pin) == 1
     }
 
     /// The level the firmware drives on a pin, `None` where it drives none: the low-speed oscillator has PC14
