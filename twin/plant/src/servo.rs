@@ -20,8 +20,7 @@ impl Default for ServoParams {
     }
 }
 
-// Typical of such parts:
-/// Time constant of settling at the target, seconds.
+/// Time constant of settling at the target, seconds. This and the next two are typical of such parts.
 const SETTLE_S: f64 = 0.003;
 /// Dead band around the target, microseconds of pulse width.
 const DEAD_BAND_US: f64 = 1.0;

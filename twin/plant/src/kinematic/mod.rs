@@ -203,14 +203,13 @@ impl KinematicRobot {
 
     /// What the robot reports now.
     pub fn sample(&self) -> SensorSample {
-        let (ranges_mm, front_bearing_rad) = self.ranging.readings();
         SensorSample {
             time_s: self.time_s,
             odometry: self.odometry,
             gyro_rad: self.gyro.angle_rad(),
-            ranges_mm,
-            front_bearing_rad,
-            obstacle_limited: self.obstacle_stop.limits(),
+            ranges_mm: self.ranging.ranges_mm,
+            front_bearing_rad: self.ranging.front_bearing_rad,
+            obstacle_limited: self.obstacle_stop.limits,
         }
     }
 

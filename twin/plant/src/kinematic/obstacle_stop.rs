@@ -20,7 +20,8 @@ pub(super) struct ObstacleStop {
     front: Option<(f64, f64)>,
     silent: u32,
     reversed_mm: f64,
-    limits: bool,
+    /// Whether the front distance limits the present command.
+    pub(super) limits: bool,
 }
 
 impl ObstacleStop {
@@ -68,10 +69,5 @@ impl ObstacleStop {
         let ahead = forward_mm_s.min(free.unwrap_or(f64::INFINITY));
         self.limits = ahead < forward_mm_s;
         ahead.max(slowest)
-    }
-
-    /// Whether the front distance limits the present command.
-    pub(super) fn limits(&self) -> bool {
-        self.limits
     }
 }

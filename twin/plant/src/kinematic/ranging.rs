@@ -22,8 +22,8 @@ pub(super) struct Ranging {
     ticks_left: u32,
     /// The running measurement's result and bearing.
     pending: Option<(Option<f64>, f64)>,
-    ranges_mm: [Option<f64>; 3],
-    front_bearing_rad: f64,
+    pub(super) ranges_mm: [Option<f64>; 3],
+    pub(super) front_bearing_rad: f64,
     /// Steps of the servo from straight ahead, and its direction.
     position: i32,
     direction: i32,
@@ -92,9 +92,5 @@ impl Ranging {
         if most > 0 || self.position != 0 {
             self.position += self.direction;
         }
-    }
-
-    pub(super) fn readings(&self) -> ([Option<f64>; 3], f64) {
-        (self.ranges_mm, self.front_bearing_rad)
     }
 }

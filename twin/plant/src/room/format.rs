@@ -98,13 +98,11 @@ impl Room {
         };
         match (word, numbers) {
             ("wall", [_, _, _, _, ..]) if numbers.len().is_multiple_of(2) => {
-                let points: Vec<Point> = numbers
-                    .chunks(2)
-                    .map(|point| Point::new(point[0], point[1]))
-                    .collect();
-                for ends in points.windows(2) {
-                    positive(&[ends[0].distance_mm(ends[1])], "a wall's length")?;
-                    self.segments.push(Segment::new(ends[0], ends[1]));
+                let (points, _) = numbers.as_chunks();
+                for ends in points.array_windows() {
+                    let [from, to] = ends.map(|[x, y]| Point::new(x, y));
+                    positive(&[from.distance_mm(to)], "a wall's length")?;
+                    self.segments.push(Segment::new(from, to));
                 }
             }
             ("wall", _) => return Err(count("wall x1 y1 x2 y2, then x y of each further point")),
