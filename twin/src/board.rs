@@ -172,15 +172,13 @@ impl Board {
         mut done: impl FnMut(&Self) -> bool,
     ) -> bool {
         let ends = self.now_us() + limit_us;
-        loop {
-            if done(self) {
-                return true;
-            }
+        while !done(self) {
             if self.now_us() >= ends {
                 return false;
             }
             self.run_us(step_us);
         }
+        true
     }
 
     /// Virtual time since power-on, nanoseconds.
@@ -324,10 +322,6 @@ impl Board {
     }
 
     /// Like [`Board::try_spi_steps`].
-    #[expect(
-        clippy::must_use_candidate,
-        reason = "often played for its effect alone"
-    )]
     pub fn spi_steps(&self, steps: Vec<SpiStep>) -> Vec<bool> {
         running(self.try_spi_steps(steps))
     }

@@ -4,6 +4,7 @@
 use plant::Faults;
 use rigless::mcu::Operate;
 use rigless::soc::Width;
+use rigless::soc::stm32f427::generated::rcc::{Register, bdcr, csr};
 use rigless::time::VirtualNanos;
 
 use crate::board::Board;
@@ -59,14 +60,15 @@ impl Board {
         self.act_on_chip(|chip, _| chip.set_option_bytes(FACTORY_OPTIONS));
     }
 
-    /// An earlier firmware has left the low-speed oscillator on.
+    /// An earlier firmware has left the low-speed oscillator on: no reset stops it.
     pub fn start_lse(&self) {
-        self.act_on_chip(|chip, _| chip.start_lse());
+        self.act_on_chip(|chip, _| chip.set_rcc_bits(Register::Bdcr, bdcr::LSEON.mask()));
     }
 
-    /// The reset that follows is a brown-out's.
+    /// The reset that follows is a brown-out's: the supply falls below its level, not to power-on's (RM0383,
+    /// 6.3.21).
     pub fn brown_out(&self) {
-        self.act_on_chip(|chip, _| chip.brown_out());
+        self.act_on_chip(|chip, _| chip.set_rcc_bits(Register::Csr, csr::BORRSTF.mask()));
     }
 
     /// The converter stops: no conversion ends any more.

@@ -237,6 +237,12 @@ impl Stm32f411 {
         flash.set(g::flash::Register::Optcr, word);
     }
 
+    /// Sets bits of the clock controller that no access of the program has set.
+    pub fn set_rcc_bits(&mut self, register: g::rcc::Register, bits: u64) {
+        let registers = self.bus.slot_mut(self.slots.rcc).registers_mut();
+        registers.set(register, registers.get(register) | bits);
+    }
+
     /// Requests a stop at `at`.
     pub fn wake_at(&mut self, now: VirtualNanos, at: VirtualNanos) {
         self.bus.drive(now, self.slots.board_port).1.schedule(at);

@@ -2,7 +2,7 @@
 
 use rigless::device::{Level, RegisterFile};
 use rigless::soc::stm32f427::generated::gpioa::Register;
-use rigless::soc::stm32f427::generated::rcc::Register::{Bdcr, Csr};
+use rigless::soc::stm32f427::generated::rcc::Register::Bdcr;
 use rigless::soc::stm32f427::peripherals::gpio::{self, Gpio};
 use rigless::time::VirtualNanos;
 
@@ -11,7 +11,6 @@ use crate::pin::Pin;
 
 /// `RCC_BDCR`'s bit 0.
 const LSEON: u64 = 1;
-const BORRSTF: u64 = 1 << 25;
 
 fn gpio(pin: Pin) -> gpio::Pin {
     gpio::Pin::new(pin.number).expect("a port has sixteen pins")
@@ -78,18 +77,6 @@ impl Stm32f411 {
         }
         let high = self.port(pin).get(Register::Odr) >> pin.number & 1 != 0;
         (!(high && self.is_open_drain(pin))).then_some(Level::from(high))
-    }
-
-    /// The low-speed oscillator is on, as an earlier firmware may leave it: no reset stops it.
-    pub fn start_lse(&mut self) {
-        let rcc = self.bus.slot_mut(self.slots.rcc).registers_mut();
-        rcc.set(Bdcr, rcc.get(Bdcr) | LSEON);
-    }
-
-    /// The supply falls below the brown-out level, not to power-on's: the flag of the reset (RM0383, 6.3.21).
-    pub fn brown_out(&mut self) {
-        let rcc = self.bus.slot_mut(self.slots.rcc).registers_mut();
-        rcc.set(Csr, rcc.get(Csr) | BORRSTF);
     }
 
     fn port(&self, pin: Pin) -> &RegisterFile {

@@ -123,10 +123,8 @@ fn decode(name: String, address: u64, code: &[u8], is_data: impl Fn(u64) -> bool
         address,
         ..Function::default()
     };
-    let halves: Vec<u16> = code
-        .chunks_exact(2)
-        .map(|half| u16::from_le_bytes([half[0], half[1]]))
-        .collect();
+    let (halves, _) = code.as_chunks();
+    let halves: Vec<u16> = halves.iter().map(|&two| u16::from_le_bytes(two)).collect();
     let ends = address + 2 * halves.len() as u64;
     let mut at = 0;
     while at < halves.len() {
