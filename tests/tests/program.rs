@@ -145,6 +145,8 @@ fn senseless_drives_are_refused_before_they_move() {
         2 | map --from drive.mcap --timeout 2 | --timeout
         11 | map tour | map.png
         11 | explore --out plan | explored.json
+        2 | map tour --out plan --record plan.pgm | plan.pgm would be written twice
+        2 | explore --out plan --uart-log plan-raw.png | written twice
         2 | tune move --yes --levels 20,100 | --levels 20
         2 | tune move | ahead and back 6 times, up to 300 mm
         2 | tune move | not confirmed

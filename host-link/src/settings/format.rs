@@ -103,9 +103,10 @@ pub(super) fn text(field: &Field, raw: u64) -> String {
 
 /// What a field may hold, as the file writes it.
 pub(super) fn accepted(field: &Field) -> String {
+    let largest = field.kind.max();
     let (min, max) = match *field.accepted {
-        Accepted::IntRange { min, max } => (min.into(), max.into()),
-        _ => (0, field.kind.max()),
+        Accepted::IntRange { min, max } => (min.into(), largest.min(max.into())),
+        _ => (0, largest),
     };
     match Format::of(field) {
         Format::Mode => {
@@ -173,6 +174,8 @@ mod tests {
             assert_eq!(bearing(text(front, code).parse().unwrap()), Some(code));
         }
         assert_eq!(text(front, 0xC000), "-90.0");
+        let key = fw_core::eeprom::fields::KEY_FROM_PI;
+        assert_eq!(accepted(key), "a whole number from 0 to 255");
         let travel = fw_core::eeprom::fields::SERVO_TRAVEL;
         assert_eq!(text(travel, 0x8000), "180.0");
         assert_eq!(shortest(91, TURN / 360.0), "0.5");

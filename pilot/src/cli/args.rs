@@ -278,7 +278,8 @@ pub struct Goto {
     /// Degrees, counter-clockwise
     #[arg(value_name = "ROT", required_unless_present = "map", value_parser = number(-MAX_ROTATION_DEG..=MAX_ROTATION_DEG))]
     pub rotation: Option<f64>,
-    /// Go to X Y of this map (the .yaml that `explore` or ROS wrote), around what it shows
+    /// Go to X Y of this map (the .yaml that `explore` or ROS wrote), around what it shows; to a point within
+    /// 100 mm where the body cannot stand on it
     #[arg(long, value_name = "FILE", conflicts_with_all = ["rotation", "tolerance_mm", "tolerance_deg", "timeout"])]
     pub map: Option<PathBuf>,
     /// Where the robot stands on the map: mm, mm and degrees; without it the robot finds out by itself

@@ -26,7 +26,7 @@ const LIVE_FRAMES: u32 = 20;
 
 /// Explores and leaves the map.
 pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
-    map::check(&explore.out)?;
+    map::check(&explore.out, explore.record.as_deref(), context)?;
     explored::check(context)?;
     let body_mm = context.board.body_radius;
     context.with_board(|connection| {
@@ -102,11 +102,17 @@ pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error>
         let pose = localisation.localiser.estimate().pose;
         let (x_mm, y_mm, seconds) = (pose.x_mm, pose.y_mm, driven.seconds);
         let off_mm = pose.position().distance_mm(target);
+        // What remains of a way to the point itself is less.
+        let near = if off_mm > 60.0 {
+            ", as near as the body can stand"
+        } else {
+            ""
+        };
         let arrival = json!({ "x_mm": x_mm, "y_mm": y_mm, "off_mm": off_mm, "seconds": seconds });
         context.output.result(&arrival, || {
             format!(
                 "arrived at x {x_mm:.0} mm, y {y_mm:.0} mm of the map after {seconds:.1} s ({off_mm:.0} mm \
-                 from the target)"
+                 from the target{near})"
             )
         })
     })

@@ -30,7 +30,7 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
         (Some(file), None) => {
             let waypoints = waypoints::load(file)?;
             mapping::check_extent(waypoints.iter().copied(), cell_mm, file)?;
-            check(&map.out)?;
+            check(&map.out, map.record.as_deref(), context)?;
             context.with_board(|connection| {
                 let mut session = context.open_session(&mut connection.io)?;
                 let mut samples = Vec::new();
@@ -79,10 +79,23 @@ pub fn raw_stem(out: &Path) -> PathBuf {
     file::with_suffix(out, "-raw")
 }
 
-/// Whether both maps can be written.
-pub fn check(out: &Path) -> Result<(), Error> {
+/// Whether both maps can be written, and no file is written twice.
+// Requirement: WIRE-program-1
+pub fn check(out: &Path, record: Option<&Path>, context: Context<'_>) -> Result<(), Error> {
+    let (raw, log) = (raw_stem(out), &context.board.virtual_board.uart_log);
+    let maps = [out, &raw].map(Files::new).into_iter();
+    let maps = maps.flat_map(|files| [files.png, files.pgm, files.yaml]);
+    let others = [record, log.as_deref()].into_iter().flatten();
+    let mut files: Vec<PathBuf> = maps.chain(others.map(Path::to_path_buf)).collect();
+    files.sort();
+    if let Some([twice, _]) = files.array_windows().find(|[one, next]| one == next) {
+        return Err(Error::Usage(format!(
+            "{} would be written twice; name another file with --out, --record or --uart-log",
+            twice.display()
+        )));
+    }
     Files::check(out)?;
-    Files::check(&raw_stem(out))
+    Files::check(&raw)
 }
 
 /// The recording that is asked for.

@@ -91,7 +91,7 @@ pub fn check(config: &Config, cell: u8, upper_ohm: u32) -> Result<(), Error> {
         return Ok(());
     }
     Err(Error::Tuning(format!(
-        "{upper_ohm} ohm instead of {} changes the voltage of tap {cell} by {:.0} %, accepted are {:.0} %; check \
+        "{upper_ohm} ohm instead of {} changes the voltage of tap {cell} by {:.2} %, accepted are {:.0} %; check \
          cell and volts, or correct the resistor in the configuration",
         present.upper.0,
         correction * 100.0,
