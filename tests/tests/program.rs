@@ -126,8 +126,7 @@ fn foreign_eeprom_image_is_refused_and_kept() {
     let program = Program::blank();
     fs::write(program.file("eeprom.bin"), "a letter").expect("written");
     program.expect_each("11 | status | no EEPROM image");
-    let kept = fs::read(program.file("eeprom.bin"));
-    assert!(kept.is_ok_and(|kept| kept == b"a letter"));
+    assert!(fs::read(program.file("eeprom.bin")).is_ok_and(|kept| kept == b"a letter"));
 }
 
 // Requirement: WIRE-program-1, WIRE-program-3
@@ -146,7 +145,7 @@ fn senseless_drives_are_refused_before_they_move() {
         11 | map tour | map.png
         11 | explore --out plan | explored.json
         2 | map tour --out plan --record plan.pgm | plan.pgm would be written twice
-        2 | explore --out plan --uart-log plan-raw.png | written twice
+        2 | serve --listen 127.0.0.1 | --listen
         2 | tune move --yes --levels 20,100 | --levels 20
         2 | tune move | ahead and back 6 times, up to 300 mm
         2 | tune move | not confirmed

@@ -227,11 +227,11 @@ pub struct Teleop {
 #[derive(Args)]
 pub struct Serve {
     /// Also serve over TCP, e.g. 127.0.0.1:8040, clients that show the token
-    #[arg(long, value_name = "ADDRESS")]
+    #[arg(long, value_name = "ADDRESS", value_parser = parse_address)]
     pub listen: Option<String>,
     /// Also serve a page for browsers; its address with the token is printed
     #[cfg(feature = "web")]
-    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8080")]
+    #[arg(long, value_name = "ADDRESS", num_args = 0..=1, default_missing_value = "127.0.0.1:8080", value_parser = parse_address)]
     pub web: Option<String>,
     /// With --virtual: how many times faster than real time, or max; 1 without it
     #[arg(long, value_name = "N", value_parser = parse_speed)]
@@ -263,7 +263,16 @@ fn parse_speed(text: &str) -> Result<f64, String> {
     if text == "max" {
         return Ok(f64::INFINITY);
     }
-    number(0.01..=1000.0)(text)
+    number(0.01..=1000.0)(text).map_err(|why| format!("{why}, or max"))
+}
+
+/// The address of a socket: a host and a port.
+fn parse_address(text: &str) -> Result<String, String> {
+    let port = text
+        .rsplit_once(':')
+        .and_then(|(_, port)| port.parse::<u16>().ok());
+    let address = port.map(|_| text.to_owned());
+    address.ok_or_else(|| "accepted is HOST:PORT, e.g. 127.0.0.1:8040".into())
 }
 
 #[derive(Args)]
