@@ -65,8 +65,8 @@ fn open(path: &Path) -> io::Result<File> {
     Ok(port)
 }
 
-/// Of the STM's log, bits per second.
-const BAUD: u32 = 115_200;
+/// Of the STM's log, bits per second; `platform.log_baud` of the configuration must be the same.
+pub const BAUD: u32 = 115_200;
 
 #[test]
 fn serial_port_bytes_or_its_absence_arrive() {

@@ -5,6 +5,7 @@ use fw_core::types::Faults;
 use fw_core::wire::Cause;
 use host_link::snapshot::Snapshot;
 use host_link::statistics::RejectCounts;
+use host_link::uart::BAUD;
 
 /// What to check; empty when all is well.
 pub fn diagnose(snapshot: &Snapshot, config: &Config) -> Vec<String> {
@@ -39,13 +40,28 @@ pub fn diagnose(snapshot: &Snapshot, config: &Config) -> Vec<String> {
     }
     for fault in Faults::TABLE {
         if snapshot.faults.contains(&fault.name) {
+            let is_battery =
+                (Faults::BATTERY_LOW | Faults::BATTERY_CUTOFF).intersects(fault.faults);
+            let remedy = if is_battery {
+                "charge the battery, then `robot reset`"
+            } else {
+                "in guarded modes a drive clears a lost link, `robot reset` clears all faults"
+            };
             hints.push(format!(
-                "latched fault {}: {}; in guarded modes a drive clears a lost link, `robot reset` clears all faults",
+                "latched fault {}: {}; {remedy}",
                 fault.name, fault.text
             ));
         }
     }
     hints
+}
+
+/// Why the log cannot be read, if the configuration gives it another speed than this program reads.
+pub fn other_baud(config: &Config) -> Option<String> {
+    let baud = config.log_baud();
+    (baud != BAUD).then(|| {
+        format!("platform.log_baud is {baud}, and this program reads the STM's log at {BAUD}")
+    })
 }
 
 fn gap(whose: &str, us: u64, deadline_ms: u64) -> String {
@@ -153,14 +169,15 @@ mod tests {
         snapshot.link.missed = Some(2);
         let stm = snapshot.stm.as_mut().unwrap();
         (stm.recent_gap_us, stm.lost) = (125_000, 1);
-        snapshot.faults = vec!["link-lost"];
+        snapshot.faults = vec!["link-lost", "battery-low"];
         let hints = diagnose(&snapshot, &first_board()).join("\n");
         for expected in [
             "missed 2 replies",
             "the Pi's replies were up to 125 ms",
             "lost 1 frames",
             "the STM's frames were up to 125 ms",
-            "link-lost",
+            "a drive clears a lost link",
+            "charge the battery",
         ] {
             assert!(hints.contains(expected), "{expected}: {hints}");
         }

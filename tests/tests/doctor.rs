@@ -85,6 +85,8 @@ fn doctor_fault_of_the_board_fails_its_check() {
     board("log port", sound(), &|_, io| {
         io.log = Box::new(|| Ok(Vec::new()));
     });
+    let slower = image().with(fields::LOG_BAUD, 9600);
+    board("log port", with_image(&slower), &|_, _| ());
     board("firmware", sound(), &|_, io| {
         io.log = Box::new(|| Ok(b"login:\n".to_vec()));
     });

@@ -3,6 +3,7 @@
 use super::args::Status;
 use super::connection::Context;
 use super::monitor;
+use fw_core::types::{Fault, Faults};
 use host_link::board_io::BoardIo;
 use host_link::error::{Error, Exit};
 use host_link::snapshot::Snapshot;
@@ -45,7 +46,11 @@ pub fn run(status: &Status, context: Context<'_>) -> Result<Exit, Error> {
 fn of_server(client: &mut Client, context: Context<'_>) -> Result<Exit, Error> {
     let frame = client.status()?;
     let unreachable = frame.error.is_some();
-    let exit = if unreachable { Exit::Link } else { Exit::Ok };
+    let exit = if unreachable {
+        Exit::Link
+    } else {
+        of_faults(&frame.robot)
+    };
     let mut hints = frame.advice;
     let drives = |driver| format!("{driver} drives the robot");
     hints.extend(frame.driver.map(drives));
@@ -69,7 +74,9 @@ fn linked(
     let mut session = context.open_session(io)?;
     let (report, _, ended) = session.observe(u64::from(status.ms) * 1000)?;
     let mut hints = hints::diagnose(&report, session.config());
-    if report.stm.is_none() {
+    if let Some(why) = hints::other_baud(session.config()) {
+        hints.push(why);
+    } else if report.stm.is_none() {
         hints.push(match session.log_error() {
                 Some(why) => format!("the STM's end of the link is not known: {why}"),
                 None => "the STM's end of the link is not known: its log has no line of it (slide switch, --uart, \
@@ -77,7 +84,7 @@ fn linked(
                     .into(),
             });
     }
-    let exit = ended.as_ref().map_or(Exit::Ok, Error::exit);
+    let exit = ended.as_ref().map_or(of_faults(&report), Error::exit);
     let seen = Summary {
         ready: true,
         report: Some(report),
@@ -87,6 +94,16 @@ fn linked(
         exit: exit.code(),
     };
     Ok((seen, exit))
+}
+
+/// Whether what an answering robot reports keeps its motors off.
+fn of_faults(report: &Snapshot) -> Exit {
+    let blocks = |fault: &Fault| fault.blocking && report.faults.contains(&fault.name);
+    if Faults::TABLE.iter().any(blocks) {
+        Exit::Fault
+    } else {
+        Exit::Ok
+    }
 }
 
 /// The STM does not start: checks its EEPROM for the reason.
@@ -129,4 +146,13 @@ fn summary(seen: &Summary) -> String {
     lines.extend(seen.hints.iter().map(|hint| format!("hint: {hint}")));
     lines.extend(seen.error.iter().map(|error| format!("error: {error}")));
     lines.join("\n")
+}
+
+#[test]
+fn fault_that_keeps_the_motors_off_has_its_exit_code() {
+    for (name, exit) in [("slip", Exit::Ok), ("battery-cutoff", Exit::Fault)] {
+        let mut report = Snapshot::default();
+        report.faults = vec!["link-lost", name];
+        assert_eq!(of_faults(&report).code(), exit.code());
+    }
 }

@@ -133,7 +133,12 @@ fn link(
         (None, []) => findings.pass("link", quality(&snapshot)),
         (None, hints) => findings.fail("link", hints.join("; "), LINK_ADVICE),
     }
-    log(&snapshot, log_error, logged, findings);
+    if let Some(found) = hints::other_baud(config) {
+        findings.fail("log port", found, "set platform.log_baud to 115200");
+        findings.skip(&["firmware"], "its log cannot be read");
+    } else {
+        log(&snapshot, log_error, logged, findings);
+    }
     let own_checks = Faults::LINK_LOST
         .union(Faults::BATTERY_LOW)
         .union(Faults::BATTERY_CUTOFF)
