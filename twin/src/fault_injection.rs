@@ -29,7 +29,7 @@ impl Board {
         self.world(|world| change(&mut world.faults));
     }
 
-    /// Changes the MPU6050, if one is fitted: its fault.
+    /// Changes the MPU6050, if one is fitted.
     pub fn set_mpu(&self, change: impl FnOnce(&mut Mpu6050) + Send + 'static) {
         self.i2c_bus(|bus, _| bus.mpu.as_mut().map(change));
     }

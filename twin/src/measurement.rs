@@ -19,7 +19,7 @@ impl Board {
     /// When the firmware has no such function.
     pub fn trace(&self, name: &str) -> Result<TracedFunction, TraceError> {
         let function = TracedFunction::find(&self.elf, name)?;
-        self.watch(function.watched());
+        self.watch(function.watched().into_iter().collect());
         Ok(function)
     }
 

@@ -23,6 +23,8 @@ use std::path::Path;
 
 /// Frames between two live lines: counting the map's cells takes time.
 const LIVE_FRAMES: u32 = 20;
+/// Nearer than this ends a way to the point itself, mm; a way that ends farther off led beside it.
+const ENDS_MM: f64 = 60.0;
 
 /// Explores and leaves the map.
 pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
@@ -102,8 +104,7 @@ pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error>
         let pose = localisation.localiser.estimate().pose;
         let (x_mm, y_mm, seconds) = (pose.x_mm, pose.y_mm, driven.seconds);
         let off_mm = pose.position().distance_mm(target);
-        // What remains of a way to the point itself is less.
-        let near = if off_mm > 60.0 {
+        let near = if off_mm > ENDS_MM {
             ", as near as the body can stand"
         } else {
             ""

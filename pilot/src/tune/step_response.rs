@@ -109,7 +109,7 @@ impl StepRunner<'_, '_> {
             if let Some(value) = measured {
                 if (value - *self.origin.get_or_insert(value)).abs() > MAX_STRAY * travel {
                     return Err(Error::Tuning(format!(
-                        "the robot is further than {} mm or degrees from where it began",
+                        "the robot is further than {}, {MAX_STRAY} times a step's travel, from where it began",
                         MAX_STRAY * travel
                     )));
                 }

@@ -1,5 +1,7 @@
 //! The functions of an ELF file: where their instructions are, and by which they return.
 
+use std::collections::BTreeSet;
+
 use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
 
 use super::thumb::{Flow, flow, halfwords};
@@ -71,8 +73,8 @@ impl TracedFunction {
         Ok(Self { functions })
     }
 
-    /// Every instruction to watch: the first one, and each that returns or leaves by a tail call.
-    pub(crate) fn watched(&self) -> Vec<u64> {
+    /// Every instruction to watch, once: the first one, and each that returns or leaves by a tail call.
+    pub(crate) fn watched(&self) -> BTreeSet<u64> {
         let ends = self.functions.iter().flat_map(|function| {
             let leaves = function.tail_calls.iter().map(|(at, _)| *at);
             function.returns.iter().copied().chain(leaves)
