@@ -57,6 +57,8 @@ pub fn value<'y>(yaml: &'y str, key: &str) -> Result<&'y str, String> {
 
 /// Log-odds of what a picture calls occupied or free.
 const KNOWN: f32 = 4.0;
+/// Longest side of what a saved map knows, m: planning and a search on it take some 350 MB.
+const MOST_M: f64 = 50.0;
 
 /// The map of a picture and its metadata, which [`pgm`] and [`yaml`] or a ROS map server wrote.
 ///
@@ -75,8 +77,8 @@ pub fn read(yaml: &str, pgm: &[u8]) -> Result<Grid, String> {
         return Err("origin: expected is [x, y, 0]".into());
     };
     let cell_mm = number("resolution")? * 1000.0;
-    if !(1.0..=1000.0).contains(&cell_mm) {
-        return Err(format!("resolution: {cell_mm} mm is not within 1 to 1000"));
+    if !(1.0..=200.0).contains(&cell_mm) {
+        return Err(format!("resolution: {cell_mm} mm is not within 1 to 200"));
     }
     if value(yaml, "mode") == Ok("raw") {
         return Err("mode: raw is not read, but trinary and scale".into());
@@ -89,11 +91,38 @@ pub fn read(yaml: &str, pgm: &[u8]) -> Result<Grid, String> {
     let (occupied, free) = (number("occupied_thresh")?, number("free_thresh")?);
     let (columns, rows, pixels) =
         picture(pgm).ok_or("the picture is no whole binary PGM of 8 bits")?;
+    let log_odds = |pixel: u8| {
+        let dark = if is_negated { pixel } else { 255 - pixel };
+        match f64::from(dark) / 255.0 {
+            share if share > occupied => KNOWN,
+            share if share < free => -KNOWN,
+            _ => 0.0,
+        }
+    };
+    // A map server's picture is mostly unknown margin.
+    let known = (0..pixels.len()).filter(|&at| log_odds(pixels[at]) != 0.0);
+    let known = known.map(|at| (at % columns, rows - 1 - at / columns));
+    let (low, high) = known.fold(((columns, rows), (0, 0)), |(low, high), (column, row)| {
+        let low = (column.min(low.0), row.min(low.1));
+        (low, (column.max(high.0), row.max(high.1)))
+    });
+    if low.0 > high.0 {
+        return Err("the picture shows neither floor nor walls".into());
+    }
     let corner = Point::new(x_m * 1000.0, y_m * 1000.0);
     #[allow(clippy::cast_precision_loss)] // some thousand cells
-    let far = corner + Point::new(columns as f64 - 0.5, rows as f64 - 0.5) * cell_mm;
+    let middle = |(column, row): (usize, usize)| {
+        corner + Point::new(column as f64 + 0.5, row as f64 + 0.5) * cell_mm
+    };
+    let (low, high) = (middle(low), middle(high));
+    let Point { x_mm, y_mm } = (high - low) * 0.001;
+    if x_mm.max(y_mm) > MOST_M {
+        return Err(format!(
+            "the map is {x_mm:.0} m by {y_mm:.0} m; accepted are {MOST_M} m"
+        ));
+    }
     let most_mm = f64::from(FARTHEST) * cell_mm;
-    let ends = [corner.x_mm, corner.y_mm, far.x_mm, far.y_mm];
+    let ends = [low.x_mm, low.y_mm, high.x_mm, high.y_mm];
     if !ends.iter().all(|mm| mm.abs() <= most_mm) {
         return Err(format!(
             "origin: [{x_m}, {y_m}]: the map is not within {FARTHEST} cells of 0, 0"
@@ -101,18 +130,12 @@ pub fn read(yaml: &str, pgm: &[u8]) -> Result<Grid, String> {
     }
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // `as` saturates
     let index = |mm: f64| (mm / cell_mm) as usize;
-    Ok(Grid::from_fn(cell_mm, corner, far, |point| {
+    Ok(Grid::from_fn(cell_mm, low, high, |point| {
         let Point { x_mm, y_mm } = point - corner;
         let (column, row) = (index(x_mm), index(y_mm));
         let from_top = rows.checked_sub(row + 1).filter(|_| column < columns);
         let pixel = from_top.and_then(|row| pixels.get(row * columns + column));
-        let Some(&pixel) = pixel else { return 0.0 };
-        let dark = if is_negated { pixel } else { 255 - pixel };
-        match f64::from(dark) / 255.0 {
-            share if share > occupied => KNOWN,
-            share if share < free => -KNOWN,
-            _ => 0.0,
-        }
+        pixel.map_or(0.0, |&pixel| log_odds(pixel))
     }))
 }
 
@@ -200,6 +223,7 @@ mod tests {
             (&text.replace("0.65", "x"), &file, "occupied_thresh: x"),
             (&text, &file[..file.len() - 1], "no whole binary PGM"),
             (&text, b"P2\n", "no whole binary PGM"),
+            (&text, b"P5\n2 1\n255\n\xCD\xCD", "neither floor nor walls"),
             (&text, b"P5\n0 9999999999999\n255\n", "no whole binary PGM"),
             (
                 &text.replace("origin: [-", "origin: [-90000"),
@@ -212,6 +236,25 @@ mod tests {
             let error = read(yaml, pgm).unwrap_err();
             assert!(error.contains(expected), "{error}");
         }
+    }
+
+    #[test]
+    fn unknown_margin_of_a_picture_takes_no_room() {
+        // Cells of 50 mm, 200 m square, as map servers of ROS write them; floor from 10 m to `end_m`.
+        let text = yaml(&grid(), "map.pgm").replace("0.025000", "0.05");
+        let text = text.replace("[-0.800000, 0.800000,", "[-100, -100,");
+        let picture = |end_m: usize| {
+            let mut pixels = vec![205; 4000 * 4000];
+            pixels[2000 * 4000 + 2200..][..20 * (end_m - 10)].fill(254);
+            [&b"P5\n4000 4000\n255\n"[..], &pixels].concat()
+        };
+        let map = read(&text, &picture(60)).expect("a map of 50 m");
+        assert!(map.columns() < 1100 && map.rows() < 100);
+        for (x_mm, expected) in [(9_900.0, Cell::Unknown), (10_100.0, Cell::Free)] {
+            assert_eq!(map.cell_at(Point::new(x_mm, -25.0)), expected, "{x_mm}");
+        }
+        let error = read(&text, &picture(61)).unwrap_err();
+        assert!(error.contains("51 m by 0 m; accepted are 50 m"), "{error}");
     }
 
     #[test]

@@ -33,6 +33,8 @@ const HEADINGS: u32 = 72;
 /// Coarse poses that are refined, and deviations of their error (mm, rad).
 const REFINED: usize = 24;
 const COARSE: (f64, f64) = (60.0, 0.05);
+/// Coarse poses kept, the best: all of 140 m² of free floor, 32 MB.
+const MOST: usize = 1_000_000;
 /// Poses nearer than this (mm, rad) are the same place.
 const SAME: (f64, f64) = (250.0, 0.25);
 /// Mean cost of the elements at the right place, at most.
@@ -161,6 +163,10 @@ impl GlobalSearch {
                     let middle = self.field.middle(at);
                     poses.push((Pose2::new(middle.x_mm, middle.y_mm, heading_rad), cost));
                 }
+            }
+            if poses.len() > MOST {
+                poses.sort_by(|a, b| a.1.total_cmp(&b.1));
+                poses.truncate(MOST);
             }
         }
         poses.sort_by(|a, b| a.1.total_cmp(&b.1));
