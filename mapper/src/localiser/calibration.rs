@@ -15,6 +15,8 @@ pub struct MotionNoise {
     pub gyro_walk: f64,
     /// Random walk of its bias, rad/s per √s.
     pub bias_walk: f64,
+    /// Random walk of the four scales, relative per √s: what was learned ages.
+    pub scale_walk: f64,
     /// Initial error of the travel's scale, of the wheels' ratio, of the turn's scale (track), of
     /// the gyroscope's scale: relative; and of its bias, rad/s.
     pub calibration: [f64; 5],
@@ -34,6 +36,8 @@ impl Default for MotionNoise {
             gyro_walk: 0.01f64.to_radians(),
             // 0.02 °/s per minute
             bias_walk: 0.003f64.to_radians(),
+            // 0.1 % in an hour: 6 K of an MPU6050 (2 % from 25 to 85 °C), or of tyres
+            scale_walk: 1.7e-5,
             calibration: [0.003, 0.004, 0.005, 0.007, 0.02f64.to_radians()],
         }
     }

@@ -74,6 +74,8 @@ pub(super) struct Ekf {
     rate_rad_s: f64,
     /// Walls that agreed with each direction less those that agreed with none; 0 is no direction.
     votes: [u32; DIRECTIONS],
+    /// Walls that agreed with each direction since it is known.
+    walls: [u32; DIRECTIONS],
 }
 
 impl Ekf {
@@ -95,6 +97,7 @@ impl Ekf {
             comparison: Comparison::default(),
             rate_rad_s: 0.0,
             votes: [0; DIRECTIONS],
+            walls: [0; DIRECTIONS],
         }
     }
 
@@ -104,7 +107,7 @@ impl Ekf {
 
     /// The direction that most walls of the room have, modulo a right angle, rad, once a wall was seen.
     pub fn walls_rad(&self) -> Option<f64> {
-        let most = self.directions().max_by_key(|&nth| self.votes[nth])?;
+        let most = self.directions().max_by_key(|&nth| self.walls[nth])?;
         Some(self.state[WALLS + most])
     }
 
@@ -188,6 +191,9 @@ impl Ekf {
         self.covariance[(0, 1)] += along * sin * cos;
         self.covariance[(1, 0)] += along * sin * cos;
         self.covariance[(2, 2)] += turn_variance;
+        for nth in TRAVEL..BIAS {
+            self.covariance[(nth, nth)] += noise.scale_walk * noise.scale_walk * by.time_s;
+        }
         self.covariance[(BIAS, BIAS)] += noise.bias_walk * noise.bias_walk * by.time_s;
         self.compare_turns(by, encoder_variance + gyro_variance);
         motion
@@ -266,9 +272,10 @@ impl Ekf {
                 let variance = total * deviations.max(1.0) - before;
                 self.measure(&row, off, variance, f64::INFINITY);
                 self.votes[nth] = (self.votes[nth] + 1).min(MOST_VOTES);
+                self.walls[nth] += 1;
             }
         } else if let Some(free) = self.votes.iter().position(|&votes| votes == 0) {
-            self.votes[free] = 1;
+            (self.votes[free], self.walls[free]) = (1, 1);
             self.add_direction(WALLS + free, direction);
         } else {
             self.votes = self.votes.map(|votes| votes - 1);

@@ -243,10 +243,11 @@ fn right_angles_hold_heading_and_slanted_wall_does_not() {
 #[test]
 fn majority_of_walls_is_direction_of_room() {
     let mut robot = Robot::new(7);
-    robot.ekf.observe_wall(0.5);
-    for _ in 0..5 {
-        robot.ekf.observe_wall(0.0);
-    }
+    let mut see = |normal_rad, walls| (0..walls).for_each(|_| robot.ekf.observe_wall(normal_rad));
+    see(0.5, 1);
+    see(0.0, 30);
+    // As many as are ever held against forgetting.
+    see(0.5, 12);
     let direction = robot.ekf.walls_rad().unwrap();
     assert!(direction.abs() < 0.02, "{direction}");
     // Where the heading is known, what was seen twice is between.
@@ -270,12 +271,15 @@ fn covariance_grows_by_slip_drift_and_correlates_with_bias() {
     let along = noise.wheel.powi(2) * 200.0 / 4.0;
     let slip = noise.slip.powi(2) * 100.0;
     let walk = noise.bias_walk.powi(2) * FRAME_S;
+    let scale_walk = noise.scale_walk.powi(2) * FRAME_S;
     for (row, column, expected) in [
         (0, 0, along + slip),
         (1, 1, aside + slip),
         (1, BIAS, -bias * 100.0 / 2.0 * FRAME_S),
         (2, BIAS, -bias * FRAME_S),
         (BIAS, BIAS, bias + walk),
+        (TRAVEL, TRAVEL, scale_walk),
+        (SCALE, SCALE, scale_walk),
     ] {
         let found = ekf.covariance[(row, column)];
         let off = (found - expected).abs();
@@ -334,6 +338,7 @@ fn robot_put_elsewhere_knows_no_walls() {
 #[test]
 fn turns_on_both_sides_of_a_gap_of_the_gyro_are_not_compared() {
     let mut robot = Robot::new(6);
+    robot.ekf.noise.scale_walk = 0.0;
     let ratio = |robot: &Robot| robot.ekf.calibration().wheel_ratio;
     let before = ratio(&robot);
     robot.drive(0.3, 5.0, 5.0, true);
