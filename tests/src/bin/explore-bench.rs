@@ -33,6 +33,9 @@ struct Arguments {
     /// Uncalibrated robots: wheels and track off by up to 1 %, the gyroscope by 3 %
     #[arg(long)]
     uncalibrated: bool,
+    /// Imperfections of the world that are switched off, such as sill,gyro
+    #[arg(long, value_name = "NAME,…", value_delimiter = ',')]
+    without: Vec<String>,
     /// Radius of the robots' body, mm
     #[arg(long, default_value_t = 100.0)]
     body_radius: f64,
@@ -70,6 +73,9 @@ fn main() -> Result<(), Box<dyn Error>> {
     } else {
         Imperfections::default()
     };
+    let off = |world: Imperfections, name: &String| world.without(name);
+    let world = arguments.without.iter().try_fold(world, off);
+    let world = world.map_err(|accepted| format!("--without: {accepted}"))?;
     fs::create_dir_all(&arguments.out)?;
     let (next, last) = (AtomicU64::new(arguments.seeds.0), arguments.seeds.1);
     let rows = Mutex::new(Vec::new());

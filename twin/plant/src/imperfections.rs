@@ -141,6 +141,30 @@ impl Imperfections {
         }
     }
 
+    /// Without the one of this name, that of its field with hyphens.
+    ///
+    /// # Errors
+    /// The names that are accepted.
+    pub fn without(mut self, name: &str) -> Result<Self, &'static str> {
+        match name {
+            "geometry" => self.geometry = None,
+            "travel-noise" => self.travel_noise_mm = None,
+            "sill" => self.sill = None,
+            "drive" => self.drive = None,
+            "incidence" => self.incidence = false,
+            "double-bounce" => self.double_bounce = false,
+            "soft-surfaces" => self.soft_surfaces = false,
+            "gyro" => self.gyro = None,
+            _ => {
+                return Err(
+                    "accepted are geometry, travel-noise, sill, drive, incidence, double-bounce, \
+                     soft-surfaces, gyro",
+                );
+            }
+        }
+        Ok(self)
+    }
+
     /// The gyroscope of this seed: `params`, or what the seed draws instead.
     pub fn draw_gyro(&self, params: GyroParams, seed: u64) -> GyroParams {
         let mut rng = Rng::stream(seed, stream::DRAW_GYRO);

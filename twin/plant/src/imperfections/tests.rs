@@ -65,3 +65,12 @@ fn drawn_gyro_has_stated_errors() {
     }
     assert_eq!(draw(Imperfections::none(), 1), GyroParams::exact());
 }
+
+#[test]
+fn every_imperfection_is_switched_off_by_its_name() {
+    let world = Imperfections::default();
+    let accepted = world.without("").unwrap_err();
+    let names = accepted.strip_prefix("accepted are ").unwrap().split(", ");
+    let off = names.fold(Ok(world), |world, name| world?.without(name));
+    assert_eq!(off, Ok(Imperfections::none()));
+}
