@@ -103,6 +103,27 @@ mod tests {
     }
 
     #[test]
+    fn settings_in_the_documents_are_accepted() {
+        let file = include_str!("../../config/first-board.toml");
+        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+        let names = ["README.md", "docs/board.md", "docs/pilot.md"];
+        let texts = names.map(|name| std::fs::read_to_string(format!("{root}/{name}")).unwrap());
+        let code = texts.iter().flat_map(|text| text.split('`'));
+        let settings = code.filter_map(|code| Some((code, code.split_once(" = ")?.0)));
+        let is_key = |key: &str| {
+            key.bytes()
+                .all(|byte| byte == b'_' || byte.is_ascii_lowercase())
+        };
+        let settings: Vec<_> = settings.filter(|(_, key)| is_key(key)).collect();
+        assert!(settings.len() > 3, "{settings:?}");
+        for (setting, key) in settings {
+            let (before, line) = file.split_once(&format!("\n{key} = ")).expect(setting);
+            let after = line.split_once('\n').unwrap().1;
+            parse(&format!("{before}\n{setting}\n{after}")).expect(setting);
+        }
+    }
+
+    #[test]
     fn the_json_has_the_files_sections_and_numbers() {
         let json = first().json();
         assert_eq!(json["link"]["mode"], "Normal");
