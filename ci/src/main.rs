@@ -130,7 +130,7 @@ fn run(cli: Cli) -> Result<ExitCode> {
             stack::bound(session, &session.image()?.path)?;
         }
         Command::Demo(more) => see("demo", &programs::demo(session, &more.arguments)?),
-        Command::ExploreBench(more) => programs::explore_bench(session, &more.arguments)?,
+        Command::ExploreBench(more) => drop(programs::explore_bench(session, &more.arguments)?),
         Command::Campaign(more) => programs::campaign(session, &more.arguments)?,
         Command::Figures(more) => see("figures", &programs::figures(session, &more.arguments)?),
         Command::Bench => programs::bench(session)?,

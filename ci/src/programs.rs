@@ -1,5 +1,6 @@
 //! Running the workspace's other programs.
 
+use std::ffi::OsStr;
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -32,11 +33,14 @@ pub fn demo(session: &Session, more: &[String]) -> Result<PathBuf> {
     Ok(out)
 }
 
-/// Explores generated rooms, with `more` arguments of the bench.
-pub fn explore_bench(session: &Session, more: &[String]) -> Result<()> {
+/// Explores generated rooms, with `more` arguments of the bench; returns the table that it leaves.
+pub fn explore_bench(session: &Session, more: &[impl AsRef<OsStr>]) -> Result<PathBuf> {
     let out = session.target.join("explore-bench");
+    let table = out.join("table.json");
+    session.sh.remove_path(&table)?;
     let bench = on_elf(session, "explore-bench")?.arg("--out").arg(out);
-    Ok(bench.args(more).run()?)
+    bench.args(more).run()?;
+    Ok(table)
 }
 
 /// Injects faults into the driving robot, with `more` arguments of the campaign.

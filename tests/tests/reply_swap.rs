@@ -211,7 +211,7 @@ impl Drive {
 }
 
 /// Drives with two frames a tick at every `nth` phase, each clock and set-up time, the core stalled at a
-/// random instruction of the swap. The SPI slave fetches two bytes ahead where `seed` is odd, else one.
+/// random instruction of the swap. The SPI slave fetches one to three bytes ahead, by the seed.
 fn run(mode: u8, mips: u64, seed: u64, nth: usize) {
     let elf = elf(ELF);
     let mut drive = Drive::new(&elf, mode, mips, 1 + (seed % 3) as u8);

@@ -39,7 +39,7 @@ use When::{Change, Night, Quick};
 type Gate = (&'static str, When, fn(&Session) -> Result<String>);
 
 /// Cheap ones first; `docs/gates.md` says what each checks.
-const GATES: [Gate; 37] = [
+const GATES: [Gate; 39] = [
     ("setup", Quick, setup),
     ("fmt", Quick, source::fmt),
     ("hygiene", Quick, structure::hygiene),
@@ -74,12 +74,14 @@ const GATES: [Gate; 37] = [
     }),
     ("figures", Change, tests::figures),
     ("fuzz", Night, |session| fuzz::run(session, None, None)),
+    ("rooms", Night, tests::rooms),
     ("supply", Night, source::supply),
     ("packages", Night, tests::packages),
     ("coverage", Night, tests::coverage),
     ("all-defects", Night, |session| defects::run(session, &[])),
     ("all-mutants", Night, proofs::all_mutants),
     ("firmware-mutants", Night, proofs::firmware_mutants),
+    ("host-link-mutants", Night, proofs::host_link_mutants),
     ("citations", Night, proofs::citations),
 ];
 

@@ -108,13 +108,23 @@ pub fn citations(session: &Session) -> Result<String> {
     Ok(of_each.into_iter().collect::<Result<Vec<_>>>()?.join("; "))
 }
 
-/// A part of fw-pac's statements deleted, another one each day: the virtual board judges.
+/// fw-pac's statements deleted: the virtual board judges.
 pub fn firmware_mutants(session: &Session) -> Result<String> {
+    let arguments = ["--only", "delete statement"];
+    mutants_of_the_day(session, "--config ci/mutation-fw-pac.toml", arguments)
+}
+
+/// The mutants of host-link.
+pub fn host_link_mutants(session: &Session) -> Result<String> {
+    mutants_of_the_day(session, "--config ci/mutation-host-link.toml", ["--jobs", "2"])
+}
+
+/// A twentieth of these mutants, another one each day.
+fn mutants_of_the_day(session: &Session, of: &str, more: [&str; 2]) -> Result<String> {
     const PARTS: u64 = 20;
     let days = UNIX_EPOCH.elapsed()?.as_secs() / 86_400;
     let part = format!("{}/{PARTS}", days % PARTS);
-    let arguments = ["--only", "delete statement", "--shard", &part];
-    mutation(session, "--config ci/mutation-fw-pac.toml", &arguments)
+    mutation(session, of, &[more[0], more[1], "--shard", &part])
 }
 
 #[test]

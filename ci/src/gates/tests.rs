@@ -6,7 +6,7 @@ use std::process::{Command, Output};
 use std::sync::Mutex;
 use std::thread::{self, available_parallelism};
 
-use serde_json::Value;
+use serde_json::{Value, json};
 use xshell::{Cmd, cmd};
 
 use super::firmware::check_stack_use;
@@ -209,6 +209,28 @@ pub fn figures(session: &Session) -> Result<String> {
     ))
 }
 
+/// Generated rooms, explored.
+pub fn rooms(session: &Session) -> Result<String> {
+    let table = programs::explore_bench(session, &["--seeds", "1..10"])?;
+    let rows: Vec<Value> = serde_json::from_str(&session.sh.read_file(table)?)?;
+    let worst = worst(&rows);
+    Budget::read(session)?.check("rooms", &worst)?;
+    Ok(format!("of {} rooms {worst}", rows.len()))
+}
+
+/// How many rooms were completed, contacts in all of them, and the worst figures of those completed.
+fn worst(rows: &[Value]) -> Value {
+    let completed = rows.iter().filter(|row| row["completed"] == true);
+    let of = |row, key| budget::figure(row, key).unwrap_or(f64::NAN);
+    let all = |key| completed.clone().map(move |row| of(row, key));
+    json!({
+        "completed": completed.clone().count(),
+        "collisions": rows.iter().map(|row| of(row, "collisions")).sum::<f64>(),
+        "map_iou": all("map_iou").fold(1.0, f64::min),
+        "position_error_mm_max": all("position_error_mm_max").fold(0.0, f64::max),
+    })
+}
+
 /// Sources that do not count: other packages, and files of tests.
 const IGNORED: &str = "/(plant|proofs|tests)/|/tests\\.rs$";
 
@@ -262,4 +284,17 @@ fn judge(passed: u32, failed: &[&str]) -> Result<String> {
     ensure!(failed.is_empty(), "failed: {}", failed.join(", "));
     ensure!(passed > 0, "no test ran");
     Ok(format!("{passed} tests"))
+}
+
+#[test]
+fn rooms_worst_figures_are_of_the_completed() {
+    let row = |completed, collisions, iou, mm| json!({"completed": completed, "collisions": collisions, "map_iou": iou, "position_error_mm_max": mm});
+    let rows = [
+        row(true, 0, 0.9, 20.0),
+        row(false, 1, 0.1, 900.0),
+        row(true, 0, 0.8, 30.0),
+    ];
+    let expected =
+        json!({"completed": 2, "collisions": 1.0, "map_iou": 0.8, "position_error_mm_max": 30.0});
+    assert_eq!(worst(&rows), expected);
 }
