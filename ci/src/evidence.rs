@@ -1,6 +1,6 @@
 //! What Kani found, and of which sources: `proofs/evidence.toml`, a line a harness.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
 use serde::Deserialize;
@@ -20,6 +20,9 @@ pub struct Verdict {
     pub covers: [u32; 2],
     pub seconds: f64,
     pub tools: String,
+    /// Assertions of `proofs` that it cannot reach.
+    #[serde(default)]
+    pub unreached: BTreeSet<String>,
     /// [`Sources::hash`] when it was checked.
     pub sources: String,
 }
@@ -27,24 +30,49 @@ pub struct Verdict {
 /// Verdicts by harness.
 pub type Verdicts = BTreeMap<String, Verdict>;
 
-/// The figure of these harnesses and those without a verdict; an error where one has a finding.
-pub fn judge<'n>(names: &[&'n str], verdicts: &Verdicts) -> Result<(String, Vec<&'n str>)> {
+/// The figure of these harnesses of all that are `declared`, and those without a verdict; an error where one has a
+/// finding.
+pub fn judge<'n>(
+    names: &[&'n str],
+    declared: &[&str],
+    verdicts: &Verdicts,
+) -> Result<(String, Vec<&'n str>)> {
     let of = |name: &&'n str| Some((*name, verdicts.get(*name)?));
     let found: Vec<_> = names.iter().filter_map(of).collect();
     let bad = found.iter().filter(|(_, one)| !one.finding.is_empty());
-    let findings = bad.map(|(name, verdict)| format!("{name} {}", verdict.finding));
-    let findings = findings.collect::<Vec<_>>().join("; ");
-    ensure!(findings.is_empty(), findings);
+    let mut findings: Vec<_> = bad
+        .map(|(name, one)| format!("{name} {}", one.finding))
+        .collect();
+    findings.extend(dead_assertions(declared, verdicts));
+    ensure!(findings.is_empty(), findings.join("; "));
     let covers: u32 = found.iter().map(|(_, verdict)| verdict.covers[0]).sum();
     let times = found.iter().map(|(name, verdict)| (verdict.seconds, name));
     let seconds: f64 = times.clone().map(|(seconds, _)| seconds).sum();
     let (proven, all) = (found.len(), names.len());
-    let mut figure = format!("{proven} of {all} harnesses proven, {covers} covers, {seconds:.0} s");
+    let tools: BTreeSet<_> = found.iter().map(|(_, one)| one.tools.as_str()).collect();
+    let tools = Vec::from_iter(tools).join(" and ");
+    let mut figure =
+        format!("{tools}: {proven} of {all} harnesses proven, {covers} covers, {seconds:.0} s");
     if let Some((seconds, name)) = times.max_by(|one, two| one.0.total_cmp(&two.0)) {
         write!(figure, ", the longest {name}, {seconds:.0} s")?;
     }
     let missing = names.iter().filter(|name| !verdicts.contains_key(**name));
     Ok((figure, missing.copied().collect()))
+}
+
+/// Assertions that no harness of a property reaches, of the properties with a verdict on each: one may fix inputs
+/// so that an assertion is another's.
+fn dead_assertions(declared: &[&str], verdicts: &Verdicts) -> BTreeSet<String> {
+    let mut dead = BTreeMap::<_, Option<BTreeSet<String>>>::new();
+    for name in declared {
+        let property = name.split("::harness::").next();
+        let own = verdicts.get(*name).map(|verdict| verdict.unreached.clone());
+        let all = dead.entry(property).or_insert_with(|| own.clone());
+        *all = all.take().zip(own).map(|(all, own)| &all & &own);
+    }
+    let dead = dead.into_values().flatten().flatten();
+    dead.map(|assertion| format!("{assertion} is never reached"))
+        .collect()
 }
 
 /// The verdicts on the present sources.
@@ -62,11 +90,12 @@ pub fn write(workspace: &Workspace, verdicts: &Verdicts) -> Result<()> {
     let mut text = "# Written by `cargo xtask prove --evidence`.\n".to_owned();
     for (name, one) in verdicts {
         let (finding, covers, tools) = (&one.finding, one.covers, &one.tools);
-        let (seconds, sources) = (one.seconds, sources.hash(name));
+        let (seconds, unreached, sources) = (one.seconds, &one.unreached, sources.hash(name));
+        let unreached: Vec<_> = unreached.iter().collect();
         writeln!(
             text,
             "{name:?} = {{ finding = {finding:?}, covers = {covers:?}, seconds = {seconds:.1}, \
-             tools = {tools:?}, sources = {sources:?} }}"
+             tools = {tools:?}, unreached = {unreached:?}, sources = {sources:?} }}"
         )?;
     }
     Ok(workspace.sh.write_file(FILE, text)?)
@@ -176,4 +205,21 @@ fn verdict_holds_until_what_it_is_about_changes() {
     for file in "fw-core/src/robot.rs fw-core/src/wire/tests.rs proofs/src/input.rs".split(' ') {
         assert_eq!(hash(file, "const A: u8 = 1;\n"), same, "{file}");
     }
+}
+
+#[test]
+fn assertion_is_dead_where_no_harness_of_its_property_reaches_it() {
+    let one =
+        r#"finding = "", covers = [1, 1], seconds = 1, tools = "", sources = "", unreached ="#;
+    let verdicts = |b| {
+        let text =
+            format!("'p::harness::a' = {{ {one} ['x', 'y'] }}\n'p::harness::b' = {{ {one} {b} }}");
+        toml::from_str::<Verdicts>(&text).unwrap()
+    };
+    let names = ["p::harness::a", "p::harness::b", "p::harness::c"];
+    let dead = |b, names| Vec::from_iter(dead_assertions(names, &verdicts(b)));
+    assert_eq!(dead("['y']", &names[..2]), ["y is never reached"]);
+    assert!(dead("[]", &names[..2]).is_empty());
+    // Another harness may reach it.
+    assert!(dead("['y']", &names).is_empty());
 }

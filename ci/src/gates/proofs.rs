@@ -116,7 +116,11 @@ pub fn firmware_mutants(session: &Session) -> Result<String> {
 
 /// The mutants of host-link.
 pub fn host_link_mutants(session: &Session) -> Result<String> {
-    mutants_of_the_day(session, "--config ci/mutation-host-link.toml", ["--jobs", "2"])
+    mutants_of_the_day(
+        session,
+        "--config ci/mutation-host-link.toml",
+        ["--jobs", "2"],
+    )
 }
 
 /// A twentieth of these mutants, another one each day.
