@@ -100,20 +100,24 @@ impl Defect {
         let by = &self.noticed_by;
         match by.split_once(' ').unwrap_or((by, "")) {
             ("elf", _) => {
-                let elf = session.build_copy(copy)?;
+                let elf = session.build_copy(copy, "fw-pac")?;
                 let bytes = session.sh.read_binary_file(elf)?;
                 let found = banned(&Elf::parse(&bytes)?.symbols());
                 Ok(found.into_iter().next())
             }
             ("stack", _) => {
-                let bound = stack::bound(session, &session.build_copy(copy)?);
+                let bound = stack::bound(session, &session.build_copy(copy, "fw-pac")?);
                 Ok(bound.err().map(|error| error.to_string()))
             }
             ("loop", rest) => {
                 let (file, test) = rest.split_once(' ').unwrap_or((rest, ""));
                 let tests = session.cargo_on_host("test --release --test in_the_loop")?;
                 let tests = tests.arg(format!("{file}::{test}"));
-                failures(tests.env("ROBOT_ELF", session.build_copy(copy)?))
+                let (variable, firmware) = match file {
+                    "bringup" => ("ROBOT_ELF_BRINGUP", "bringup"),
+                    _ => ("ROBOT_ELF", "fw-pac"),
+                };
+                failures(tests.env(variable, session.build_copy(copy, firmware)?))
             }
             (package, rest) => {
                 let tests = "test --locked --no-fail-fast --config profile.dev.opt-level=0";

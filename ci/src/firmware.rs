@@ -37,10 +37,12 @@ impl Session {
         Ok(Image { path, bytes, sizes })
     }
 
-    /// Builds the firmware of a copy of the workspace; returns where cargo left the ELF.
-    pub fn build_copy(&self, root: &Path) -> Result<PathBuf> {
-        let folder = self.build_in(root, &root.join("target"), "--package fw-pac --bin fw-pac")?;
-        Ok(folder.join("fw-pac"))
+    /// Builds a firmware of a copy of the workspace; returns where cargo left the ELF.
+    pub fn build_copy(&self, root: &Path, name: &str) -> Result<PathBuf> {
+        let program = format!("--package fw-pac --bin {name}");
+        Ok(self
+            .build_in(root, &root.join("target"), &program)?
+            .join(name))
     }
 
     /// Builds a program, as cargo's words name it; returns the folder where cargo left it.

@@ -67,7 +67,7 @@ pub fn reproducible(session: &Session) -> Result<String> {
     let elsewhere = session.target.join(elsewhere);
     sh.remove_path(&elsewhere)?;
     session.copy_to(&elsewhere)?;
-    let second = session.build_copy(&elsewhere)?;
+    let second = session.build_copy(&elsewhere, "fw-pac")?;
     let other = sh.read_binary_file(&second)?;
     ensure!(*first == other, "{} differs", second.display());
     sh.remove_path(&elsewhere)?;
