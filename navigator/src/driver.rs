@@ -115,14 +115,19 @@ impl Driver {
 
     /// The lattice of the grid as it is now.
     pub fn survey(&mut self, grid: &Grid, time_s: f64) -> CostMap {
-        let (marks, walls_rad) = (self.marked(time_s), walls::direction_rad(grid));
-        let driven = (&self.trail.points[..], self.config.body_mm);
-        self.with_seen(CostMap::new(grid, walls_rad, &marks, driven))
+        let (marks, driven) = self.obstacles(time_s);
+        let driven = (&driven[..], self.config.body_mm);
+        self.with_seen(CostMap::new(
+            grid,
+            walls::direction_rad(grid),
+            &marks,
+            driven,
+        ))
     }
 
     /// The lattice around the next part of the path, with the grid as it is now.
     fn survey_ahead(&mut self, grid: &Grid, status: &Status) -> Option<CostMap> {
-        let marks = self.marked(status.time_s);
+        let (marks, driven) = self.obstacles(status.time_s);
         let (follower, map) = (self.follower.as_ref()?, self.map.as_ref()?);
         let mut points = vec![status.estimate.pose.position()];
         let mut mm = 0.0;
@@ -130,15 +135,17 @@ impl Driver {
             points.push(follower.ahead(mm)?);
             mm += STEP_MM;
         }
-        let obstacles = (&marks[..], (&self.trail.points[..], self.config.body_mm));
+        let obstacles = (&marks[..], (&driven[..], self.config.body_mm));
         Some(self.with_seen(map.around(&points, AROUND_MM, grid, obstacles)))
     }
 
-    /// The obstacles that are not in the map.
-    fn marked(&mut self, time_s: f64) -> Vec<Point> {
+    /// The obstacles that are not in the map, and the driven way that what stopped the robot leaves open.
+    fn obstacles(&mut self, time_s: f64) -> (Vec<Point>, Vec<Point>) {
         self.marks.retain(|&(since_s, _)| time_s - since_s < MARK_S);
-        let marked = self.marks.iter().map(|&(_, point)| point);
-        marked.chain(self.sight.unexplained()).collect()
+        let mut marks: Vec<Point> = self.marks.iter().map(|&(_, point)| point).collect();
+        let driven = self.trail.open(&marks, self.config.body_mm);
+        marks.extend(self.sight.unexplained());
+        (marks, driven)
     }
 
     /// Forgets the obstacles that are not in the map.
@@ -189,10 +196,8 @@ impl Driver {
             self.rested_s = status.time_s;
             self.enqueue([Kind::Rest(self.config.rest_s)]);
         }
-        if let Some(velocity) = self.next_motion(status) {
-            return self.drive(velocity, &pose);
-        }
-        if let Some(velocity) = self.follow_path(grid, status) {
+        let motion = self.next_motion(status);
+        if let Some(velocity) = motion.or_else(|| self.follow_path(grid, status)) {
             return self.drive(velocity, &pose);
         }
         self.follower = None;
@@ -237,10 +242,8 @@ impl Driver {
     // Requirement: NAV-contact-1
     fn contact_limit(&self, pose: &Pose2) -> f64 {
         let way = |(way_mm, _): (f64, Point)| BY_CONTACT.0 * (way_mm - BY_CONTACT.1).max(0.0);
-        let limit = self
-            .sight
-            .contact(pose, self.config.body_mm)
-            .map_or(f64::INFINITY, way);
+        let contact = self.sight.contact(pose, self.config.body_mm);
+        let limit = contact.map_or(f64::INFINITY, way);
         let nears = |walls_rad| self.sight.nears_plane(pose, walls_rad, OBLIQUE_MM);
         if self.off_walls_rad(pose).abs() >= ALIGNED_RAD && nears(self.walls_rad(pose)) {
             return limit.min(TOUCH_MM_S);
@@ -330,9 +333,8 @@ impl Driver {
         self.follower = None;
         self.interrupted = true;
         // More than the contact would close a way beside it; what a wheel met was not seen.
-        let met = matches!(status.stop, Some(StopReason::Stall | StopReason::Slip));
         let marks = match self.obstacle(&pose) {
-            Some(point) if !met => vec![point],
+            Some(point) if status.stop.is_none() => vec![point],
             _ => [-50.0, 0.0, 50.0]
                 .map(|aside| pose.point_at(self.config.inflation_mm(), aside))
                 .to_vec(),
@@ -349,8 +351,7 @@ impl Driver {
 
     /// What the body would touch straight ahead.
     fn obstacle(&self, pose: &Pose2) -> Option<Point> {
-        let contact = self.sight.contact(pose, self.config.body_mm);
-        contact.map(|(_, point)| point)
+        Some(self.sight.contact(pose, self.config.body_mm)?.1)
     }
 
     /// Turns about from what stopped the robot, further after so many turns in vain, and drives away.

@@ -80,6 +80,7 @@ pub struct Explorer {
     /// Time spent for gaps, s, and where the robot stood to look at them.
     gaps_s: f64,
     gap_views: Vec<Point>,
+    recalled: bool,
     /// Times that nothing was left to choose while a stop held the robot.
     leaves: u32,
     /// Times that the way home was interrupted without coming nearer, and how near it came, mm.
@@ -101,6 +102,7 @@ impl Explorer {
             chosen: None,
             gaps_s: 0.0,
             gap_views: Vec::new(),
+            recalled: false,
             leaves: 0,
             homeward: (0, f64::INFINITY),
         }
@@ -111,11 +113,15 @@ impl Explorer {
         self.targets
     }
 
+    /// Sends the robot home, once it has looked at the present target.
+    pub const fn recall(&mut self) {
+        self.recalled = true;
+    }
+
     /// Takes a frame: the map as it is now and the robot's report.
     pub fn step(&mut self, grid: &Grid, status: &Status) -> Action {
-        let pose = status.estimate.pose;
         if self.start.is_none() {
-            self.start = Some(pose);
+            self.start = Some(status.estimate.pose);
             self.sweep_until_s = status.time_s + FIRST_REST_S + SWEEP_S;
             self.driver.enqueue([Motion::Rest(FIRST_REST_S)]);
         }
@@ -208,9 +214,8 @@ impl Explorer {
             Goal::Home(outcome) => {
                 let heading_rad = self.start.map_or(0.0, |start| start.heading_rad);
                 let turn = wrap_angle(heading_rad - status.estimate.pose.heading_rad);
-                let net_rad = self.driver.trail.net_rad;
-                self.driver
-                    .enqueue([Motion::Turn(net_rad + turn), Motion::Rest(1.0)]);
+                let facing = Motion::Turn(self.driver.trail.net_rad + turn);
+                self.driver.enqueue([facing, Motion::Rest(1.0)]);
                 self.goal = Goal::Finish(outcome);
             }
             Goal::Finish(_) => {}
@@ -351,11 +356,12 @@ impl Explorer {
             targets = self.gaps(&pose, &reach);
         }
         self.targets = targets.len();
-        let late = status.time_s > config.time_limit_s;
+        let late = (status.time_s > config.time_limit_s).then_some(Outcome::TimeLimit);
+        let late = late.or(self.recalled.then_some(Outcome::Recalled));
         let start = self.start.unwrap_or(pose).position();
         let home = reach.nearest(start, SAME_MM);
         let next = next_of_tour(&reach, &targets, home);
-        if let Some(target) = next.filter(|_| !late) {
+        if let Some(target) = next.filter(|_| late.is_none()) {
             self.driver.follow(&reach, target.view, status.time_s);
             self.leaves = 0;
             self.chosen = Some((target.kind, status.time_s));
@@ -365,7 +371,7 @@ impl Explorer {
         // Requirement: NAV-recovery-1
         let held = self.driver.held;
         self.leaves += u32::from(held);
-        if held && !late && self.leaves <= LEAVES {
+        if held && late.is_none() && self.leaves <= LEAVES {
             self.driver.leave(&pose, self.leaves - 1);
             self.goal = Goal::Choose;
             return;
@@ -376,11 +382,7 @@ impl Explorer {
         self.goal = match home.filter(|_| !stuck) {
             Some(node) => {
                 self.driver.follow(&reach, node, status.time_s);
-                Goal::Home(if late {
-                    Outcome::TimeLimit
-                } else {
-                    Outcome::Complete
-                })
+                Goal::Home(late.unwrap_or(Outcome::Complete))
             }
             None => Goal::Finish(Outcome::Unreachable),
         };

@@ -191,6 +191,29 @@ mod tests {
     }
 
     #[test]
+    fn driven_way_that_something_has_closed_is_left_for_another() {
+        // Two doors, the robot below and the target above; it came through the left one.
+        let (wall, floor) = ("#....##########....##", ".....................");
+        let grid = draw(&[floor, floor, floor, floor, wall, floor, floor, floor, floor]);
+        for stopped in [false, true] {
+            let mut plan = GoTo::new(Config::default(), Point::new(300.0, 750.0));
+            let way = (2..15).map(|nth| Point::new(300.0, 50.0 * f64::from(nth)));
+            plan.driver.trail.points = way.collect();
+            if stopped {
+                // As wide as the door.
+                let marks = (1..5).map(|nth| (0.0, Point::new(100.0 * f64::from(nth), 430.0)));
+                plan.driver.marks = marks.collect();
+            }
+            let at = Pose2::new(300.0, 200.0, 0.0);
+            assert!(plan.plan(&grid, &status(1.0, at)));
+            let way = plan.driver.follower.as_ref().expect("a way");
+            let farthest = (0..90).filter_map(|nth| way.ahead(50.0 * f64::from(nth)));
+            let farthest_mm = farthest.map(|at| at.x_mm).fold(0.0, f64::max);
+            assert_eq!(farthest_mm > 1500.0, stopped, "{farthest_mm}");
+        }
+    }
+
+    #[test]
     fn target_is_given_up_without_a_way_or_after_six_plans() {
         let mut step = steps(Point::new(1500.0, 2000.0));
         step(0.0, 300.0, None);

@@ -74,8 +74,6 @@ pub struct Velocity {
 /// Why the robot has stopped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StopReason {
-    /// Something stands in the way.
-    Obstacle,
     /// A wheel does not turn though it is driven.
     Stall,
     /// The wheels and the gyroscope disagree.
@@ -136,6 +134,8 @@ pub enum Outcome {
     Complete,
     /// The time ran out before everything was known; the explorer is back at its start.
     TimeLimit,
+    /// [`Explorer::recall`] came before everything was known; the explorer is back at its start.
+    Recalled,
     /// No way leads to the target or back to the start, or the robot cannot leave the place of a stop.
     Unreachable,
 }

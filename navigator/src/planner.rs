@@ -61,7 +61,8 @@ impl<'a> Reach<'a> {
         let quarter = ((pose.heading_rad - map.direction_rad()) / FRAC_PI_2).round();
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)] // 0..4
         let direction = quarter.rem_euclid(4.0) as usize % 4;
-        let start: State = nearest.or_else(|| map.index(at)).unwrap_or(0) * 4 + direction;
+        let start = nearest.or_else(|| map.index(at));
+        let start: Option<State> = start.map(|index| index * 4 + direction);
         let successors = |&state: &State| {
             let (index, direction) = (state / 4, state % 4);
             let ahead = map
@@ -73,8 +74,12 @@ impl<'a> Reach<'a> {
         };
         let mut parents = vec![None; map.nodes.len() * 4];
         let mut best = vec![None; map.nodes.len()];
-        for reached in dijkstra_reach(&start, successors) {
-            parents[reached.node] = Some(reached.parent.unwrap_or(start));
+        // From beyond the lattice leads no way.
+        let ways = start
+            .iter()
+            .flat_map(|start| dijkstra_reach(start, successors));
+        for reached in ways {
+            parents[reached.node] = reached.parent.or(start);
             best[reached.node / 4].get_or_insert((reached.total_cost, reached.node));
         }
         Self {
@@ -213,7 +218,8 @@ mod tests {
     }
 
     #[test]
-    fn start_beside_obstacle_finds_way_out() {
+    fn start_beside_obstacle_finds_way_out_and_start_beyond_the_map_none() {
         assert!(plan(&ROOM, (130.0, 700.0), (600.0, 700.0)).is_some());
+        assert_eq!(plan(&ROOM, (-5000.0, 700.0), (600.0, 700.0)), None);
     }
 }

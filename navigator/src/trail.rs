@@ -47,6 +47,13 @@ impl Trail {
         self.straight.1 = pose.relative_to(&self.straight.0).x_mm;
     }
 
+    /// The way, but for where a body of this radius would now meet one of these obstacles: it came later.
+    pub fn open(&self, obstacles: &[Point], body_mm: f64) -> Vec<Point> {
+        let meets = |at: &Point| obstacles.iter().any(|to| to.distance_mm(*at) < body_mm);
+        let open = self.points.iter().filter(|&at| !meets(at));
+        open.copied().collect()
+    }
+
     /// How far the robot can go back over floor that it has just driven over, mm.
     pub fn reversible_mm(&self) -> f64 {
         self.straight.1.clamp(0.0, FARTHEST_BACK_MM)

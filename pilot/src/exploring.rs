@@ -32,6 +32,8 @@ pub trait Plan: Send {
     fn targets(&self) -> usize {
         1
     }
+    /// Sends an explorer home.
+    fn recall(&mut self) {}
 }
 
 impl Plan for Explorer {
@@ -41,6 +43,10 @@ impl Plan for Explorer {
 
     fn targets(&self) -> usize {
         Explorer::targets(self)
+    }
+
+    fn recall(&mut self) {
+        Explorer::recall(self);
     }
 }
 
@@ -147,6 +153,7 @@ impl Drive {
         let reason = match self.outcome {
             Outcome::Complete => return Ok(()),
             Outcome::TimeLimit => "the time ran out; `explore --timeout` gives it more",
+            Outcome::Recalled => "the battery is low; charge it and start again",
             Outcome::Unreachable => "the map shows no way; look for an obstacle and start again",
         };
         Err(Error::Incomplete {
@@ -252,6 +259,9 @@ impl PlanRunner {
             obstacle_limited: report.obstacle_limited,
             stop: self.stops.update(report, self.time_s)?,
         };
+        if report.faults.intersects(Faults::BATTERY_LOW) {
+            plan.recall();
+        }
         Ok(match plan.step(grid, &status) {
             Action::Drive(velocity) => ControlFlow::Continue(CommandRequest {
                 velocity: Some(velocity_request(velocity)),
@@ -364,9 +374,8 @@ impl Stops {
         } else {
             Some(StopReason::Link)
         };
-        let stopped = reason.is_some();
-        self.count += u32::from(stopped && !self.stopped);
-        self.stopped = stopped;
+        let stopped = std::mem::replace(&mut self.stopped, reason.is_some());
+        self.count += u32::from(self.stopped && !stopped);
         Ok(reason)
     }
 }

@@ -236,13 +236,17 @@ fn saved_map_leads_to_a_point_from_an_unknown_start() {
     assert!(robot.borrow().collisions().is_empty());
 }
 
-/// Returns the same action for every frame, and records the status of each.
+/// Returns the same action for every frame until it is recalled, and records the status of each.
 struct FixedPlan(Action, Vec<Status>);
 
 impl Plan for FixedPlan {
     fn step(&mut self, _: &Grid, status: &Status) -> Action {
         self.1.push(*status);
         self.0
+    }
+
+    fn recall(&mut self) {
+        self.0 = Action::Drive(Velocity::default());
     }
 }
 
@@ -296,6 +300,16 @@ fn plan_gets_each_stop_and_its_action_clears_it() {
         let cleared = (request.order, request.clear_faults);
         assert_eq!(cleared, (Order::None, Faults::SLIP));
     }
+    let reports = [Faults::NONE, Faults::BATTERY_LOW].map(|faults| (1.0, State::Moving, faults));
+    let (asked, _) = run(Action::Drive(quarter_turn), &reports);
+    let asked = asked
+        .unwrap()
+        .into_iter()
+        .map(|request| request.velocity.unwrap().forward_mm_s);
+    assert!(
+        asked.eq([100.0, 0.0]),
+        "an explorer goes home with a low battery"
+    );
     for (state, fault, expected) in [
         (State::Faulted, Faults::LEFT_STALLED, StopReason::Stall),
         (State::Faulted, Faults::RIGHT_STALLED, StopReason::Stall),

