@@ -4,7 +4,7 @@
 //! is of the tick's instant, whatever the robot and the link are busy with.
 
 use crate::registers::Registers;
-use crate::{adc, clock, encoders, rangefinders, time};
+use crate::{adc, clock, encoders, exti, rangefinders, time};
 use core::cell::Cell;
 use cortex_m::interrupt::{CriticalSection, Mutex};
 use cortex_m::peripheral::SCB;
@@ -29,7 +29,7 @@ pub fn sample(_: &CriticalSection) -> TickInput {
         now: time::now(),
         left,
         right,
-        supply_low: clock::supply_is_low(),
+        supply_low: exti::take_supply_dip() | clock::supply_is_low(),
     }
 }
 

@@ -86,6 +86,26 @@ fn supply_below_threshold_stops_motors() {
     stays_off(&rig, "supply low: motors off");
 }
 
+/// Between two ticks and over before the next.
+// Requirement: WIRE-fault-14
+#[test]
+fn supply_dip_between_ticks_stops_motors() {
+    let rig = Rig::driving();
+    rig.run_to_tick();
+    rig.run_us(4_000);
+    rig.dip_supply(2_800, 1_000);
+    rig.run_us(20_000);
+    assert!(!rig.motors_off(), "{}", rig.log());
+    rig.run_to_tick();
+    rig.run_us(4_000);
+    rig.dip_supply(2_600, 1_000);
+    assert!(!rig.motors_off(), "not before the tick");
+    rig.run_us(5_500);
+    assert!(rig.motors_off());
+    rig.run_us(10_000);
+    stays_off(&rig, "supply low: motors off");
+}
+
 /// Motors with a twentieth of their speed turn the wheels, but half a metre would take more than a minute.
 // Requirement: WIRE-fault-15
 #[test]

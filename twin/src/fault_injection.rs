@@ -10,7 +10,7 @@ use rigless::time::VirtualNanos;
 use crate::board::Board;
 use crate::components::mpu6050::Mpu6050;
 use crate::soc::Stm32f411;
-use crate::virtual_board::FACTORY_OPTIONS;
+use crate::virtual_board::{FACTORY_OPTIONS, RAIL_MV};
 
 /// TIM5's first control register, RM0383 table 1 and section 13.4.1.
 const TIM5_CR1: u64 = 0x4000_0C00;
@@ -52,7 +52,14 @@ impl Board {
 
     /// The 3.3 V rail, in millivolts, from now on.
     pub fn set_supply(&self, millivolts: u32) {
-        self.act_on_chip(move |chip, _| chip.set_supply(millivolts));
+        self.act_on_chip(move |chip, at| chip.set_supply(at, millivolts));
+    }
+
+    /// The 3.3 V rail falls to so many millivolts for so many microseconds, which pass.
+    pub fn dip_supply(&self, millivolts: u32, us: u64) {
+        self.set_supply(millivolts);
+        self.run_us(us);
+        self.set_supply(RAIL_MV);
     }
 
     /// The option bytes are the factory's: no brown-out reset.

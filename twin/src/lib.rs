@@ -41,7 +41,7 @@
 //!   once after its clock is enabled; the LSI, and the watchdog with it, runs at exactly 32 kHz.
 //! - A peripheral of the part without a model (SPI2 to SPI5, TIM9, TIM10, CRC, WWDG, SDIO, OTG)
 //!   answers from its registers alone, and [`Board::unmodelled`] reports every access.
-//! - Voltage dips: the supervisor and the brown-out reset see a steady 3.3 V.
+//! - The brown-out reset: the supply falls for the detector, the flash and the converter alone.
 //! - The MPU6050's accelerometers, other axes, temperature and FIFO.
 #![forbid(unsafe_code)]
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]

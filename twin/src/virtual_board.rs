@@ -15,7 +15,7 @@ use crate::pinout;
 use crate::soc::Stm32f411;
 
 /// The rail, millivolts.
-const RAIL_MV: u32 = 3300;
+pub const RAIL_MV: u32 = 3300;
 
 const MILLION: NonZeroU64 = NonZeroU64::new(1_000_000).expect("not zero");
 /// The core's clock, hertz.
@@ -86,7 +86,7 @@ impl VirtualBoard {
     pub fn new(board: BoardModel, crystal_hz: u64, mips: NonZeroU64) -> Result<Self, Error> {
         let mut chip = Stm32f411::new()?;
         chip.rcc.attach_crystals(crystal_hz, 0);
-        chip.set_supply(RAIL_MV);
+        chip.set_supply(VirtualNanos(0), RAIL_MV);
         chip.set_option_bytes(OPTIONS);
         chip.usart[0].attach(UartReceiver::default());
         chip.i2c[0].inner.attach(board.i2c.clone());

@@ -79,7 +79,10 @@ fn instances() -> Vec<Peripheral> {
         g::I2C1,
         g::I2C2,
         g::I2C3,
-        g::PWR,
+        Peripheral {
+            interrupts: &[],
+            ..g::PWR
+        },
         g::TIM1,
         g::USART1,
         g::USART6,
@@ -93,7 +96,11 @@ fn instances() -> Vec<Peripheral> {
         g::SPI1,
         g::SPI4,
         g::SYSCFG,
-        g::EXTI,
+        // With the supply detector's, number 1.
+        Peripheral {
+            interrupts: &[2, 6, 7, 8, 9, 10, 23, 40, 1],
+            ..g::EXTI
+        },
         g::TIM9,
         g::TIM10,
         g::TIM11,

@@ -10,7 +10,7 @@ mod rules;
 pub use pins::Role;
 
 use rigless::cpu::armv7m::Dwt;
-use rigless::device::{ErasedDevice, RegisterFile, ResetCause};
+use rigless::device::{ErasedDevice, Level, RegisterFile, ResetCause};
 use rigless::mcu::{Mcu, Operate};
 use rigless::soc::stm32f427::generated as g;
 use rigless::soc::stm32f427::peripherals::adc::{Adc, AdcCommon};
@@ -29,7 +29,7 @@ use rigless::time::VirtualNanos;
 
 use crate::peripherals::board_port::BoardPort;
 use crate::peripherals::capture_timer::CaptureTimer;
-use crate::peripherals::exti::Exti;
+use crate::peripherals::exti::{self, Exti};
 use crate::peripherals::i2c_master::I2cPeripheral;
 use crate::peripherals::pwm_timer::PwmTimer;
 use crate::peripherals::spi_slave::SpiSlave;
@@ -131,6 +131,7 @@ struct Slots {
     rcc: usize,
     pwr: usize,
     flash: usize,
+    exti: usize,
     board_port: usize,
 }
 
@@ -159,6 +160,7 @@ impl Stm32f411 {
             rcc: wire("RCC", Model::Rcc)?,
             pwr: wire("PWR", Model::Pwr)?,
             flash: wire("FLASH", Model::Flash)?,
+            exti: wire("EXTI", Model::Exti)?,
             board_port: wire(crate::peripherals::board_port::NAME, Model::BoardPort)?,
         };
         for (nth, name) in PORTS.into_iter().enumerate() {
@@ -179,7 +181,6 @@ impl Stm32f411 {
             ("DBG", Model::Dbg),
             ("IWDG", Model::Iwdg),
             (rigless::cpu::armv7m::DWT, Model::Dwt),
-            ("EXTI", Model::Exti),
             ("TIM11", Model::Capture),
             ("SYSCFG", Model::Syscfg),
         ] {
@@ -222,13 +223,22 @@ impl Stm32f411 {
     }
 
     /// The board's rail, in millivolts, for the supervisor, the flash and the converter.
-    pub fn set_supply(&mut self, millivolts: u32) {
+    pub fn set_supply(&mut self, now: VirtualNanos, millivolts: u32) {
         let registers = self.bus.slot_mut(self.slots.pwr).registers_mut();
         self.pwr.set_supply(millivolts, registers);
         if let Some(millivolts) = std::num::NonZeroU32::new(millivolts) {
             self.flash.set_supply(millivolts);
         }
         self.adc.set_reference(millivolts);
+        self.drive_supply_line(now);
+    }
+
+    /// Drives EXTI's line of the supply detector with its output.
+    fn drive_supply_line(&mut self, now: VirtualNanos) {
+        let status = self.block(self.slots.pwr).get(g::pwr::Register::Csr);
+        let low = Level::from(g::pwr::csr::PVDO.is_set(status));
+        let (registers, mut context) = self.bus.drive(now, self.slots.exti);
+        self.exti.drive(exti::SUPPLY, low, registers, &mut context);
     }
 
     /// The option bytes, as `FLASH_OPTCR` shows them (RM0383, 3.8.6); a reset keeps them.
@@ -299,7 +309,7 @@ impl Mcu for Stm32f411 {
 
     /// A system reset, RM0383 section 6.1.1: a fresh part with the board's levels on its pins, the
     /// reset flags with `cause`'s beside the earlier ones, the backup domain unchanged.
-    fn reset(&mut self, _at: VirtualNanos, cause: ResetCause) {
+    fn reset(&mut self, at: VirtualNanos, cause: ResetCause) {
         let mut fresh = Self::new().expect("a part that assembled once assembles again");
         let old = self.block(self.slots.rcc);
         let clocks = fresh.bus.slot_mut(fresh.slots.rcc).registers_mut();
@@ -308,7 +318,7 @@ impl Mcu for Stm32f411 {
         clocks.set(g::rcc::Register::Bdcr, old.get(g::rcc::Register::Bdcr));
         let (hse, lse) = self.rcc.crystals();
         fresh.rcc.attach_crystals(hse, lse);
-        fresh.set_supply(self.pwr.supply());
+        fresh.set_supply(at, self.pwr.supply());
         let flash = self.block(self.slots.flash);
         fresh.set_option_bytes(flash.get(g::flash::Register::Optcr));
         for (fresh, old) in fresh.usart.iter_mut().zip(&mut self.usart) {

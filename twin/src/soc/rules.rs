@@ -87,6 +87,7 @@ impl Stm32f411 {
                 self.rules.resets = resets != [0; 3];
             }
             PWR_CR if write => {
+                self.drive_supply_line(now);
                 let vos = value >> 14 & 3;
                 // Out of reset scale 2.
                 let before = self.rules.vos.replace(vos).unwrap_or(0b10);

@@ -106,3 +106,28 @@ fn exti_lines_share_vectors() {
         part.interrupts();
     }
 }
+
+/// The detector at 2.66 V.
+#[test]
+fn exti_supply_line_rises_when_supply_falls() {
+    const SUPPLY: u64 = 1 << 16;
+    for (mask, edge, pending) in [
+        (SUPPLY, RTSR, [true, true]),
+        (SUPPLY, FTSR, [false, true]),
+        (0, RTSR, [false, false]),
+    ] {
+        let mut part = part();
+        part.act(|part, now| part.set_supply(now, 3_300));
+        part.write(APB1ENR, 1 << 28);
+        part.write(0x4000_7000, 1 << 4 | 4 << 5);
+        part.write(IMR, mask);
+        part.write(edge, SUPPLY);
+        let pended = [2_600, 3_300].map(|millivolts| {
+            part.act(|part, now| part.set_supply(now, millivolts));
+            part.read(PR) == SUPPLY
+        });
+        assert_eq!(pended, pending, "{mask:#x} {edge:#x}");
+        let raised = pending[1].then_some((1, true));
+        assert_eq!(part.interrupts(), Vec::from_iter(raised));
+    }
+}
