@@ -3,7 +3,7 @@
 use fw_core::eeprom::{Image, SPANS, fields};
 use robot_tests::reference::{KEY_STM, NormalReply, normal_frame, original_image};
 use robot_tests::test_board::{Rig, take_writes};
-use twin::Options;
+use twin::{Board, Options};
 
 /// The control register of a DMA controller's stream (RM0383, tables 1 and 35); behind it stand the
 /// number of items and the peripheral's address.
@@ -21,6 +21,10 @@ const SPI1_DR: u64 = 0x4001_300C;
 const USART1_DR: u64 = 0x4001_1004;
 const USART1_BRR: u64 = 0x4001_1008;
 const I2C1_DR: u64 = 0x4000_5410;
+const I2C1_CR1: u64 = 0x4000_5400;
+/// Bits of it.
+const START: u64 = 1 << 8;
+const STOP: u64 = 1 << 9;
 const ADC1_SR: u64 = 0x4001_2000;
 const ADC1_CR2: u64 = 0x4001_2008;
 
@@ -43,6 +47,32 @@ fn boot_ignores_spurious_bus_errors() {
     }
     let log = rig.log();
     assert!(rig.is_ready() && !log.contains("I2C"), "{log}");
+}
+
+/// In the address, the register's bytes, the repeated START, the first and a later byte: the transfer ends at
+/// once instead of with its time-out.
+// Requirement: DOC-6-1
+#[test]
+fn boot_lost_arbitration_ends_transfer_and_is_retried() {
+    let rig = Rig::new(Options::with_eeprom(original_image()));
+    rig.trace_writes(I2C1_CR1);
+    let wrote = |bit: u64| {
+        move |board: &Board| {
+            take_writes(board)
+                .iter()
+                .any(|write| write.value & bit != 0)
+        }
+    };
+    for later in [10, 40, 60, 85, 120, 600] {
+        assert!(rig.run_until(20_000, 1, wrote(START)), "{}", rig.log());
+        rig.run_us(later);
+        assert!(rig.lose_arbitration(), "{later} µs");
+        assert!(rig.run_until(250, 1, wrote(STOP)), "{later} µs");
+    }
+    rig.assert_ready();
+    rig.run_us(20_000);
+    rig.assert_logged("I2C stuck, clocking it free");
+    rig.assert_logged("configured, mode Normal");
 }
 
 // Requirement: DOC-2.1-5, DOC-3.3-1, DOC-3.3-2, DOC-3.3-3, WIRE-spi-4, WIRE-eeprom-7

@@ -246,6 +246,35 @@ fn gyro_transfer_is_aborted_at_the_next_tick() {
     }
 }
 
+/// A lost arbitration, wherever in the transfer, ends it at once; the bus is cleared and readings go on.
+// Requirement: WIRE-fault-13
+#[test]
+fn gyro_lost_arbitration_ends_transfer_at_once() {
+    const I2C1_CR1: u64 = 0x4000_5400;
+    let mut robot = fitted();
+    robot.stand(1_500);
+    robot.rig.trace_writes(I2C1_CR1);
+    let wrote = |bit: u64| {
+        move |board: &Board| {
+            take_writes(board)
+                .iter()
+                .any(|write| write.value & bit != 0)
+        }
+    };
+    for (episode, later) in [5, 30, 55, 80, 100].into_iter().enumerate() {
+        take_writes(&robot.rig);
+        assert!(robot.rig.run_until(20_000, 1, wrote(1 << 8)));
+        robot.rig.run_us(later);
+        assert!(robot.rig.lose_arbitration(), "{later} µs");
+        assert!(robot.rig.run_until(50, 1, wrote(1 << 9)), "{later} µs");
+        // Two seconds to the next attempt, and its set-up.
+        robot.stand(4_000);
+        let held = robot.rig.log().matches("gyro: I2C held").count();
+        assert_eq!(held, episode + 1, "{}", robot.rig.log());
+        assert_read(&mut robot);
+    }
+}
+
 #[test]
 fn gyro_reads_continue_while_pi_has_eeprom() {
     let mut robot = fitted();

@@ -50,6 +50,11 @@ impl Board {
         self.act_on_chip(Stm32f411::raise_i2c1_bus_error);
     }
 
+    /// I2C1 loses the arbitration, as by a disturbance of SDA, RM0383 section 18.3.4; whether it was master.
+    pub fn lose_arbitration(&self) -> bool {
+        self.act_on_chip(Stm32f411::lose_i2c1_arbitration)
+    }
+
     /// The 3.3 V rail, in millivolts, from now on.
     pub fn set_supply(&self, millivolts: u32) {
         self.act_on_chip(move |chip, at| chip.set_supply(at, millivolts));
@@ -115,10 +120,13 @@ impl Board {
         });
     }
 
-    fn act_on_chip(&self, act: impl FnOnce(&mut Stm32f411, VirtualNanos) + Send + 'static) {
+    fn act_on_chip<T: Send + 'static>(
+        &self,
+        act: impl FnOnce(&mut Stm32f411, VirtualNanos) -> T + Send + 'static,
+    ) -> T {
         self.stopped(|stopped| {
             let at = stopped.at();
-            act(&mut stopped.mcu().chip, at);
-        });
+            act(&mut stopped.mcu().chip, at)
+        })
     }
 }

@@ -1,4 +1,4 @@
-//! `rigless`'s I2C controller with four additions.
+//! `rigless`'s I2C controller with five additions.
 //!
 //! - The last byte of a DMA reception. With `LAST` set (RM0383 section 18.3.8, 18.6.2 bit 12) the
 //!   hardware answers the byte that ends the stream's count with a NACK. The part sets
@@ -7,11 +7,13 @@
 //!   low) and a requested start waits until the line is released.
 //! - A clock stretched by a device: what comes next comes when it is released (section 18.3.3).
 //! - A spurious `BERR` (ES0287 section 2.10): the flag and its interrupt; the transfer goes on.
+//! - A lost arbitration (section 18.3.4): `ARLO` and its interrupt, the lines are released, `MSL` is cleared.
+//!   `BUSY` stays until `PE` is cleared, since the interface sees no STOP, and sends none as a slave.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
-use rigless::soc::RegisterSpec;
 use rigless::soc::stm32f427::generated::i2c3::{Register, cr1, cr2, sr1, sr2};
 use rigless::soc::stm32f427::peripherals::i2c::I2c;
+use rigless::soc::{FieldSpec, RegisterSpec};
 use rigless::time::{EventId, VirtualNanos};
 
 /// An I2C controller.
@@ -24,8 +26,10 @@ pub struct I2cPeripheral {
     held_low: bool,
     /// What waits while a device stretches the clock.
     stretched: Option<Vec<EventId>>,
-    /// The error line, raised by `BERR`.
-    bus_error: bool,
+    /// The arbitration was lost since `PE` was set.
+    lost: bool,
+    /// The error line, raised by `BERR` and `ARLO`.
+    error: bool,
 }
 
 /// The error line's position among the instance's interrupts.
@@ -39,8 +43,30 @@ impl I2cPeripheral {
             next_is_last: false,
             held_low: false,
             stretched: None,
-            bus_error: false,
+            lost: false,
+            error: false,
         }
+    }
+
+    /// Whether there was an arbitration to lose: another master drives `SDA` low.
+    pub fn lose_arbitration(
+        &mut self,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) -> bool {
+        if !sr2::MSL.is_set(registers.get(Register::Sr2)) {
+            return false;
+        }
+        // Clearing `PE` ends the transfer where it is.
+        let control = cr1::STOP.set(cr1::START.set(registers.get(Register::Cr1), 0), 0);
+        for control in [cr1::PE.set(control, 0), control] {
+            registers.set(Register::Cr1, control);
+            self.inner.write(Register::Cr1, control, registers, context);
+        }
+        self.lost = true;
+        self.set_busy(registers);
+        self.raise(sr1::ARLO, registers, context);
+        true
     }
 
     /// Sets `BERR`, whatever is on the bus.
@@ -49,15 +75,25 @@ impl I2cPeripheral {
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) {
+        self.raise(sr1::BERR, registers, context);
+    }
+
+    fn raise(
+        &mut self,
+        flag: &FieldSpec,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
         let status = registers.get(Register::Sr1);
-        registers.set(Register::Sr1, sr1::BERR.set(status, 1));
+        registers.set(Register::Sr1, flag.set(status, 1));
         self.update_error_line(registers, context);
     }
 
     fn update_error_line(&mut self, registers: &RegisterFile, context: &mut DeviceContext<'_>) {
-        let raised = sr1::BERR.is_set(registers.get(Register::Sr1))
+        let status = registers.get(Register::Sr1);
+        let raised = (sr1::BERR.is_set(status) || sr1::ARLO.is_set(status))
             && cr2::ITERREN.is_set(registers.get(Register::Cr2));
-        if std::mem::replace(&mut self.bus_error, raised) != raised {
+        if std::mem::replace(&mut self.error, raised) != raised {
             context.interrupt(ERROR, Level::from(raised));
         }
     }
@@ -114,7 +150,7 @@ impl I2cPeripheral {
     }
 
     fn set_busy(&self, registers: &mut RegisterFile) {
-        if self.held_low && cr1::PE.is_set(registers.get(Register::Cr1)) {
+        if (self.held_low || self.lost) && cr1::PE.is_set(registers.get(Register::Cr1)) {
             let status = registers.get(Register::Sr2);
             registers.set(Register::Sr2, sr2::BUSY.set(status, 1));
         }
@@ -149,6 +185,7 @@ impl Device for I2cPeripheral {
         registers: &mut RegisterFile,
         context: &mut DeviceContext<'_>,
     ) {
+        self.lost &= cr1::PE.is_set(registers.get(Register::Cr1));
         self.set_busy(registers);
         self.inner.write(register, value, registers, context);
         self.set_busy(registers);
@@ -203,12 +240,13 @@ impl Device for I2cPeripheral {
     fn reset(&mut self) {
         self.next_is_last = false;
         self.stretched = self.stretched.take().map(|_| Vec::new());
-        self.bus_error = false;
+        (self.lost, self.error) = (false, false);
         self.inner.reset();
     }
 
     fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.next_is_last = false;
+        self.lost = false;
         self.stretched = self.stretched.take().map(|_| Vec::new());
         self.inner.reset_line(registers, context);
     }

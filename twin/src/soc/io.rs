@@ -70,6 +70,12 @@ impl Stm32f411 {
         self.i2c[0].raise_bus_error(registers, &mut context);
     }
 
+    /// I2C1 loses the arbitration; whether it was master.
+    pub fn lose_i2c1_arbitration(&mut self, now: VirtualNanos) -> bool {
+        let (registers, mut context) = self.bus.drive(now, self.slots.i2c1);
+        self.i2c[0].lose_arbitration(registers, &mut context)
+    }
+
     /// The crystal stops for good.
     pub fn fail_crystal(&mut self, now: VirtualNanos) {
         let (registers, mut context) = self.bus.drive(now, self.slots.rcc);

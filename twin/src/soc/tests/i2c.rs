@@ -12,6 +12,8 @@ pub(super) const CCR: u64 = I2C1 + 0x1C;
 const PE: u64 = 1;
 const START: u64 = 1 << 8;
 const STOP: u64 = 1 << 9;
+const ARLO: u64 = 1 << 9;
+const ITERREN: u64 = 1 << 8;
 const ACK: u64 = 1 << 10;
 const DMAEN: u64 = 1 << 11;
 const LAST: u64 = 1 << 12;
@@ -63,4 +65,29 @@ fn i2c_start_waits_while_bus_is_held_low() {
     assert_eq!(part.read(SR1) & SB, 0);
     part.act(|part, now| part.hold_i2c1_low(now, false));
     assert_ne!(part.read(SR1) & SB, 0);
+}
+
+#[test]
+fn i2c_lost_arbitration_leaves_busy_slave_until_disabled() {
+    let mut part = part();
+    let lose = |part: &mut Fixture<_>| part.act(Stm32f411::lose_i2c1_arbitration);
+    assert!(!lose(&mut part), "no transfer");
+    part.write(CR2, 16 | ITERREN);
+    part.write(CR1, PE | ACK | START);
+    part.read(SR1);
+    part.write(DR, 0x50 << 1);
+    assert!(lose(&mut part));
+    assert_eq!((part.read(SR1), part.read(SR2)), (ARLO, BUSY));
+    assert_eq!(part.interrupts(), [(32, true)]);
+    // Neither a STOP nor a START of a slave is sent.
+    part.write(SR1, 0);
+    part.write(CR1, PE | ACK | STOP);
+    part.write(CR1, PE | ACK | START);
+    part.run(1_000_000);
+    assert_eq!((part.read(SR1), part.read(SR2)), (0, BUSY));
+    assert_eq!(part.interrupts(), [(32, false)]);
+    for control in [0, 1 << 15, 0, PE, PE | START] {
+        part.write(CR1, control);
+    }
+    assert_eq!(part.read(SR1), SB);
 }
