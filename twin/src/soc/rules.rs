@@ -35,6 +35,10 @@ const SCALES: [u64; 4] = [64, 64, 84, 100];
 /// HCLK that each number of wait states allows above 2.7 V, megahertz, RM0383 table 5.
 const WAIT_STATES: [u64; 4] = [30, 64, 90, 100];
 
+/// After a store that sets a stream's `EN`: ten cycles, nanoseconds. Drivers of F4 parts report streams that
+/// hang where their control register is loaded at once; no manual does.
+const ENABLING_NS: u64 = 100;
+
 /// What the rules remember.
 #[derive(Debug, Default)]
 pub struct Rules {
@@ -42,6 +46,8 @@ pub struct Rules {
     stopping: u16,
     /// Streams that the program has switched on.
     enabled: u16,
+    /// The stream whose control register was stored last, if that set `EN`, and when.
+    just_enabled: Option<(u16, VirtualNanos)>,
     /// I2C1 was reset by `SWRST` since its pins were connected.
     i2c_reset: bool,
     /// A block is held in reset.
@@ -144,6 +150,19 @@ impl Stm32f411 {
         if write && register == 4 && self.has_flags(name, nth) {
             let reason = "set up with flags of its last transfer, RM0383 9.3.17";
             self.tell_stream(now, name, reason);
+        }
+        let rules = &mut self.rules;
+        if write && register == 0 {
+            rules.just_enabled = enables.then_some((stream, now));
+        } else if register == 0
+            && let Some((_, at)) = rules.just_enabled.filter(|&(just, _)| just == stream)
+            && now.0 - at.0 < ENABLING_NS
+        {
+            self.tell_stream(
+                now,
+                name,
+                "loaded right after EN was set: some streams hang",
+            );
         }
         let rules = &mut self.rules;
         if write && rules.stopping & stream != 0 && (register != 0 || enables) {

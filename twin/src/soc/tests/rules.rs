@@ -72,7 +72,7 @@ fn forbidden_accesses_are_reported_and_right_ones_not() {
         changed[nth].1 = value;
         changed
     };
-    let cases: [Case; 21] = [
+    let cases: [Case; 22] = [
         (
             STOPPED.into(),
             &[(STREAM, READ), (LIFCR, 0x3D), (STREAM + 4, 8), (STREAM, 1)],
@@ -85,6 +85,11 @@ fn forbidden_accesses_are_reported_and_right_ones_not() {
         ),
         (STOPPED.into(), &[(LIFCR, 0x3D), (STREAM + 4, 8)], &["SxCR"]),
         (STOPPED.into(), &[(STREAM, 1)], &["SxCR"]),
+        (
+            vec![(STREAM + 4, 3), (STREAM, 1)],
+            &[(STREAM, READ)],
+            &["SxCR"],
+        ),
         (I2C.into(), &[(CR1, 1)], &[]),
         (instead(&I2C, 2, 0), &[(CR1, 1)], &["CR1"]),
         (
