@@ -96,7 +96,7 @@ fn boot(app: &mut App) {
     time::start();
     let mut uart = Uart::start();
     let log = &mut app.log;
-    let after_overflow = stack::take_marker();
+    let after_overflow = stack::ON_PURPOSE.take();
     let cause = reset::cause();
     log.line(Level::Info, |line| {
         line.text("bringup 1 after ").text(cause.name());

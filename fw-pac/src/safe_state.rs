@@ -8,7 +8,7 @@
 use crate::board::READY;
 use crate::gpio::Driver;
 use crate::registers::Registers;
-use crate::{clock, leds, motors, servo, uart};
+use crate::{clock, leds, motors, reset, servo, uart};
 use core::panic::PanicInfo;
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::exception;
@@ -40,6 +40,7 @@ pub fn halt(why: &[u8]) -> ! {
     uart::write_blocking(why);
     uart::write_blocking(b", motors off\n");
     cortex_m::asm::delay(WATCHDOG_POLLS);
+    reset::SAFE_STATE.mark();
     SCB::sys_reset()
 }
 

@@ -150,6 +150,11 @@ fn ends_standing(rig: &Rig, why: &str) {
 /// The release ELF with other code, half-words, at a function's begin.
 fn patched(function: &str, code: &[u16]) -> Vec<u8> {
     let mut elf = elf(ELF);
+    patch(&mut elf, function, code);
+    elf
+}
+
+fn patch(elf: &mut [u8], function: &str, code: &[u16]) {
     let file = object::File::parse(&*elf).expect("an ELF");
     let text = file.section_by_name(".text").expect("code");
     let mut symbols = file.symbols();
@@ -159,7 +164,6 @@ fn patched(function: &str, code: &[u16]) -> Vec<u8> {
     let at = usize::try_from(begin + offset).expect("an offset");
     let code: Vec<u8> = code.iter().copied().flat_map(u16::to_le_bytes).collect();
     elf[at..at + code.len()].copy_from_slice(&code);
-    elf
 }
 
 /// A branch to itself.
@@ -180,21 +184,48 @@ fn handler_without_end_is_reported_by_the_safe_state() {
     }
 }
 
-/// As that of the safe state, should the watchdog not have come before.
+/// That of the safe state, whose wait for the watchdog is cut short here, is one; that of other software, as of a
+/// debugger after flashing, is none.
 // Requirement: WIRE-fault-11, WIRE-safe-2
 #[test]
-fn reset_by_the_core_is_a_restart_after_a_failure() {
-    // `movw` and `movt` of AIRCR's address and its key with SYSRESETREQ, the store.
+fn reset_by_the_core_is_a_failure_where_the_safe_state_made_it() {
+    let mut elf = patched("EXTI4", &[ENDLESS]);
+    // `movw` and `movt` of AIRCR's address, `movs` and `movt` of its key with SYSRESETREQ, the store.
     let reset = [
-        0xF64E, 0x500C, 0xF2CE, 0x0000, 0xF240, 0x0104, 0xF2C0, 0x51FA, 0x6001, ENDLESS,
+        0xF64E, 0x500C, 0xF2CE, 0x0000, 0x2104, 0xF2C0, 0x51FA, 0x6001,
     ];
-    let rig = with_original_image(&patched("EXTI4", &reset));
+    patch(&mut elf, "EXTI0", &reset);
+    let polls = 100_000_001_u32.to_le_bytes();
+    let mut found = elf
+        .windows(4)
+        .enumerate()
+        .filter(|(_, word)| *word == polls);
+    let (Some((at, _)), None) = (found.next(), found.next()) else {
+        panic!("the wait is not one word of the ELF");
+    };
+    elf[at..at + 4].copy_from_slice(&1_000_u32.to_le_bytes());
+    let rig = with_original_image(&elf);
+    let plug_in = |plugged: bool| rig.set_faults(move |faults| faults.unplugged[1] = !plugged);
+    plug_in(false);
     rig.assert_ready();
-    let _ = rig.frame(&ahead());
-    rig.run_us(60_000);
-    assert_eq!(rig.resets()[0], ResetSource::Core);
-    rig.assert_logged("boot after software reset");
-    rig.assert_logged("restarted after a failure");
+    for failures in [1, 0] {
+        let (resets, before) = (rig.resets().len(), rig.log().len());
+        // The end of a frame, or an echo.
+        if failures == 1 {
+            let _ = rig.frame(&ahead());
+        } else {
+            plug_in(true);
+        }
+        assert!(rig.run_until(400_000, 100, |board| board.resets().len() > resets));
+        plug_in(false);
+        assert_eq!(rig.resets()[resets], ResetSource::Core);
+        rig.assert_ready();
+        rig.run_us(60_000);
+        let log = &rig.log()[before..];
+        assert!(log.contains("boot after software reset"), "{log}");
+        let logged = log.matches("restarted after a failure").count();
+        assert_eq!(logged, failures, "{log}");
+    }
 }
 
 /// Driving, with the NMI's handler as that of I2C1's errors: the emulated core has no line to its NMI.
