@@ -2,6 +2,7 @@
 
 mod gdb;
 mod log_lines;
+mod option_bytes;
 
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -10,6 +11,7 @@ use clap::Args;
 use xshell::cmd;
 
 use crate::error::{Context, Kind, Result, fail};
+use crate::process;
 use crate::session::Session;
 use log_lines::Lines;
 
@@ -55,20 +57,34 @@ pub fn flash(session: &Session, board: &Board) -> Result<()> {
     // Listen before the reset, or the first lines are gone.
     let read = |device| Lines::read_serial(session, device);
     let log = board.serial.as_deref().map(read).transpose()?;
+    let interface = format!("interface/{}.cfg", board.interface);
+    let openocd = |commands: String| {
+        let openocd = cmd!(sh, "openocd -f {interface} -f target/stm32f4x.cfg");
+        openocd.args(["-c", &commands])
+    };
+    let register = option_bytes::OPTCR;
+    let options = if probe_rs {
+        cmd!(sh, "probe-rs read --chip {CHIP} b32 {register} 1")
+    } else {
+        openocd(format!("init; mdw {register}; exit"))
+    };
+    // A probe that does not answer fails at the next step, too.
+    let (_, options) = process::tee(options)?;
     let written = if probe_rs {
         let written = cmd!(sh, "probe-rs download --chip {CHIP} --verify {elf}").run();
         written.and_then(|()| cmd!(sh, "probe-rs reset --chip {CHIP}").run())
     } else {
-        let program = format!("program \"{}\" verify reset exit", elf.display());
-        let interface = format!("interface/{}.cfg", board.interface);
-        let openocd = cmd!(sh, "openocd -f {interface} -f target/stm32f4x.cfg");
-        openocd.args(["-c", &program]).run()
+        let elf = elf.display();
+        openocd(format!("program \"{elf}\" verify reset exit")).run()
     };
     if let Err(error) = written {
         let hint = "is the probe plugged in and the board on?";
         return fail(Kind::Board, format!("{error}; {hint}"));
     }
     println!("flash: written, verified, reset");
+    if let Some(advice) = option_bytes::advice(&options, &board.interface) {
+        println!("flash: warning: {advice}");
+    }
     if let Some(log) = log {
         return print_log(&log);
     }
