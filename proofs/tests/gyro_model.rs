@@ -85,6 +85,11 @@ enum Caller {
 }
 
 impl Facts {
+    fn known(self) -> ByText<Self> {
+        let text = format!("{self:?}");
+        ByText { value: self, text }
+    }
+
     /// What must come of a result, and whether the part is lost.
     fn due(&mut self, result: BusResult) -> (GyroReading, bool) {
         let streams = self.progress == STREAMS;
@@ -179,7 +184,7 @@ impl Model for Caller {
         };
         // 100 ms after power-up.
         assert_eq!(facts.next_transfer(Self::Right, 0, false), Ok(9));
-        vec![facts.into()]
+        vec![facts.known()]
     }
 
     fn events(&self, _: &Self::State) -> Vec<Event> {
@@ -242,7 +247,7 @@ impl Model for Caller {
                 "{idle} ticks without a transfer in place of {rest}"
             ));
         }
-        Ok(facts.into())
+        Ok(facts.known())
     }
 }
 
