@@ -254,7 +254,7 @@ impl Model for Caller {
 // Requirement: DOC-2.3-3, WIRE-fault-13
 #[test]
 fn gyro_conversation_holds_in_every_order() {
-    assert_holds(&Caller::Right, 1_000);
+    assert_holds(&Caller::Right, 30_000);
 }
 
 #[test]

@@ -259,7 +259,7 @@ impl Model for Caller {
 // Requirement: DOC-5.2.1-1
 #[test]
 fn phases_hold_in_every_order() {
-    assert_holds(&Caller::Right, 200);
+    assert_holds(&Caller::Right, 1_200);
 }
 
 #[test]
