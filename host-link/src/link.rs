@@ -85,6 +85,10 @@ impl Link {
         counted.worst_transfer_us = counted.worst_transfer_us.max(transfer_us);
         let reply = self.end.receive(back);
         if let Ok(report) = &reply {
+            if self.last_good_us.is_none() && self.mode.has(Field::Sequence) {
+                self.follow_numbers(report.sequence.seen);
+            }
+            let counted = &mut self.counted;
             if let Some(last) = self.last_good_us.replace(begun_us) {
                 let gap_us = begun_us.saturating_sub(last);
                 counted.worst_gap_us = counted.worst_gap_us.max(gap_us);
@@ -99,6 +103,16 @@ impl Link {
             self.check_number(report.sequence.own);
         }
         Ok(reply)
+    }
+
+    /// The first reply shows the number that the STM has last accepted, of an earlier session. Where the numbers
+    /// of this one are stale to it, they go on from there.
+    fn follow_numbers(&mut self, seen: u8) {
+        let ahead = self.round_trip.number.wrapping_sub(seen);
+        while !(1..=0x7F).contains(&ahead) && self.round_trip.number != seen {
+            self.round_trip.number = self.round_trip.number.wrapping_add(1);
+            let _ = self.end.send(&Command::default(), &mut [0; MAX_FRAME]);
+        }
     }
 
     /// The STM numbers its replies from 1 after a reset, one a frame: a number ahead of the last one by more

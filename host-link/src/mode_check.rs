@@ -255,6 +255,9 @@ mod tests {
             board.borrow_mut().report.faults = before;
             let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
             exchange(&mut session, 2);
+            // The second one's number follows the fiftieth's.
+            assert_eq!(board.borrow().commands.len(), 51);
+            assert_eq!(board.borrow().commands[50].sequence.own, 51);
             assert_eq!(board.borrow().report.faults, Faults::FRAME_REJECTED);
             board.borrow_mut().report.faults |= Faults::SLIP;
             exchange(&mut session, 5);
