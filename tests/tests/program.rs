@@ -247,6 +247,8 @@ fn commands_borrow_the_robot_of_a_server() {
     let _server = program.serve();
     program.expect_each(
         r#"
+        0 | eeprom init robot.toml | written
+        0 | eeprom diff robot.toml | no difference
         0 | --json doctor | "failed":0
         0 | tour tour | 2 of 2: arrived
         0 | map tour --record drive.mcap | reports over 0.3

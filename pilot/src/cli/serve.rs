@@ -3,7 +3,6 @@
 use super::args::Serve;
 use super::connection::{Connection, Context};
 use super::explore;
-use fw_core::eeprom::fields;
 use host_link::eeprom;
 use host_link::error::Error;
 use host_link::settings::Settings;
@@ -59,14 +58,13 @@ fn load_token(context: Context<'_>) -> Result<Arc<str>, Error> {
     Ok(token.into())
 }
 
-/// A new virtual robot gets the sample configuration, its front sensor on a servo.
+/// A new virtual robot gets the sample configuration.
 fn configure_blank(connection: &mut Connection, context: Context<'_>) -> Result<(), Error> {
     let Connection { io, journal, .. } = connection;
     if eeprom::read(io)?.0.iter().any(|&byte| byte != 0xFF) {
         return Ok(());
     }
-    let settings = Settings::sample()?.with(&[(fields::SERVO, 1)])?;
-    let timeout = context.board.ready_timeout;
+    let (settings, timeout) = (Settings::sample()?, context.board.ready_timeout);
     eeprom::program(io, settings.image(), timeout, Some(journal), |_| ())?;
     let text = "the virtual EEPROM was blank: the sample configuration is in it now";
     context.output.message(text);
