@@ -109,8 +109,8 @@ pub enum Error {
         /// What had gone wrong before, if anything.
         first: Option<Box<Error>>,
     },
-    /// The configuration is not acceptable: the address in the EEPROM, or the file with its line; field, value
-    /// and accepted range.
+    /// An EEPROM's content is not acceptable: in the EEPROM or in which image file; address, field, value and
+    /// accepted range.
     #[error("configuration rejected {0}: {1}; correct it and run `robot eeprom write`")]
     Rejected(String, String),
     /// The mode of this name, which the EEPROM selects, lacks what the command needs.
@@ -274,6 +274,15 @@ impl Error {
             ..FileFault::whole(what)
         }];
         Self::Content { path, faults }
+    }
+
+    /// The same, where the content that is rejected is of this image file.
+    #[must_use]
+    pub fn of_image(self, file: &Path) -> Self {
+        match self {
+            Self::Rejected(_, what) => Self::Rejected(format!("in {}", file.display()), what),
+            error => error,
+        }
     }
 
     /// The device `name` could not be used; `advice` says what to do next.

@@ -29,8 +29,7 @@ impl Settings {
     ///
     /// # Errors
     /// [`Error::Unreadable`]; [`Error::Content`] with each line for what is no configuration file at
-    /// all, an unknown or a missing key, a wrong type or a number that the field cannot store;
-    /// [`Error::Rejected`] for a configuration that is not accepted.
+    /// all, an unknown or a missing key, and a value that is not accepted.
     pub fn load(path: &Path) -> Result<Self, Error> {
         Self::parse(&file::read_text(path)?, path)
     }
@@ -66,7 +65,7 @@ impl Settings {
     /// # Errors
     /// [`Error::Rejected`] names address, field, value and accepted range.
     pub fn from_image(image: &Image) -> Result<Self, Error> {
-        let rejected = |what| Error::Rejected("in the EEPROM's image".into(), what);
+        let rejected = |what| Error::Rejected("in the EEPROM".into(), what);
         if *image == Image::BLANK {
             let blank = "it is blank; `robot eeprom init` makes a file to start from";
             return Err(rejected(blank.into()));

@@ -4,9 +4,8 @@ use super::Settings;
 use super::format::{self, Format};
 use crate::error::Error;
 use crate::file::FileFault;
-use fw_core::eeprom::{Config, ConfigError, Expected, FIELDS, Field, Image, MAX_CELLS, fields};
+use fw_core::eeprom::{CONSTRAINTS, Config, Constraint, Field, Image, fields};
 use fw_core::wire::Mode;
-use std::fmt::Write;
 use std::ops::Range;
 use std::path::Path;
 use toml::Spanned;
@@ -29,28 +28,38 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Settings, Error> {
         faults.push(FileFault::at(text, span, what));
     });
 
-    let mut image = Image::FIRST_BOARD;
+    let (mut image, mut wrong) = (Image::FIRST_BOARD, Vec::new());
     for (field, key) in format::all().zip(&keys) {
-        // A number that no robot has is complained of by itself, below.
-        let cells = Some(image.get(fields::CELLS)).filter(|&cells| cells <= MAX_CELLS as u64);
-        let unused = u64::from(field.tap) > cells.unwrap_or_default();
+        let cells = u8::try_from(image.get(fields::CELLS)).unwrap_or_default();
         match find(document, key) {
             Some(value) => {
-                if let Some(raw) = raw(field, value.get_ref()) {
+                let raw = raw(field, value.get_ref());
+                if let Some(raw) = raw.filter(|&raw| field.contains(raw, cells)) {
                     image.set(field, raw);
                     continue;
                 }
-                let shown = text.get(value.span()).unwrap_or_default();
-                let accepted = format::accepted(field);
-                let what = format!("{key} = {shown}: accepted is {accepted}");
-                faults.push(FileFault::at(text, value.span(), what));
+                wrong.push(field.index);
+                faults.push(fault(text, key, value, &format::accepted(field)));
             }
-            None if format::is_optional(field) || unused => {}
+            None if format::is_optional(field) || field.tap > cells => {}
             None => {
                 let help = fields::HELP.get(usize::from(field.index)).unwrap_or(&"");
                 faults.push(FileFault::whole(format!("{key} is missing: {help}")));
             }
         }
+    }
+    // A wrong value counts as the first board's.
+    let config = Config::of_checked(&|field| image.get(field));
+    let unmet = |one: &&Constraint| !wrong.contains(&one.field.index) && !one.holds(&config);
+    for Constraint {
+        field, expected, ..
+    } in CONSTRAINTS.iter().filter(unmet)
+    {
+        let key = format::key(field);
+        faults.push(match find(document, &key) {
+            Some(value) => fault(text, &key, value, expected),
+            None => FileFault::whole(format!("{key} is missing: accepted is {expected}")),
+        });
     }
     if !faults.is_empty() {
         faults.sort_by_key(|fault| fault.line.unwrap_or(usize::MAX));
@@ -60,53 +69,14 @@ pub(super) fn parse(text: &str, path: &Path) -> Result<Settings, Error> {
         image.make_original();
     }
     image.seal();
-    match Config::decode(&image) {
-        Ok(config) => Ok(Settings { image, config }),
-        Err(error) => Err(rejected(error, image, path, |key| {
-            FileFault::at(text, find(document, key)?.span(), "").line
-        })),
-    }
+    Settings::from_image(&image)
 }
 
-/// The core's judgement of the image, with the file's lines and keys. It names one field at a time: each is
-/// replaced by the first board's to find the next.
-fn rejected(
-    mut error: ConfigError,
-    mut image: Image,
-    path: &Path,
-    line: impl Fn(&str) -> Option<usize>,
-) -> Error {
-    let mut rejections = Vec::new();
-    for _ in &FIELDS {
-        let field = FIELDS.iter().find(|field| field.name() == error.field());
-        let mut location = format!("in {}", path.display());
-        let mut what = error.to_string();
-        if let Some(field) = field {
-            let key = format::key(field);
-            if let Some(line) = line(&key) {
-                let _ = write!(location, ", line {line}");
-            }
-            let _ = write!(location, " ({key})");
-            if let Expected::Range(_) = error.expected {
-                let value = format::text(field, image.get(field));
-                what = format!("{key} is {value}, accepted is {}", format::accepted(field));
-            }
-        }
-        rejections.push((location, what));
-        let Some(field) = field else { break };
-        image.set(field, Image::FIRST_BOARD.get(field));
-        image.seal();
-        match Config::decode(&image) {
-            Err(next) if next.field() != error.field() => error = next,
-            _ => break,
-        }
-    }
-    let mut rejections = rejections.into_iter();
-    let (location, mut what) = rejections.next().unwrap_or_default();
-    for (also_at, also) in rejections {
-        let _ = write!(what, "; {also_at}: {also}");
-    }
-    Error::Rejected(location, what)
+/// What stands at a key is not what is accepted.
+fn fault(text: &str, key: &str, value: &Spanned<DeValue<'_>>, accepted: &str) -> FileFault {
+    let shown = text.get(value.span()).unwrap_or_default();
+    let what = format!("{key} = {shown}: accepted is {accepted}");
+    FileFault::at(text, value.span(), what)
 }
 
 /// The value of a dotted key.
