@@ -1,5 +1,6 @@
 //! The program as its user sees it, where no robot is needed: exit codes, files, standard output.
 
+use fw_core::eeprom::{Image, fields};
 use host_link::pose::Pose;
 use host_link::settings::Settings;
 use mapper::Grid;
@@ -63,7 +64,6 @@ fn senseless_options_are_refused_by_name() {
         ("goto 1 2 --map map.yaml --timeout 3", "--timeout"),
         ("map tour --out maps/", "--out"),
         ("explore --out ..", "--out"),
-        ("eeprom restore Cargo.toml", "`robot eeprom write`"),
     ] {
         let (code, _, stderr) = run(words);
         assert_eq!(code, 2, "{words}: {stderr}");
@@ -107,7 +107,11 @@ fn endless_and_far_inputs_are_refused() {
     record(&far, 3_600_000_000, &[0.0, 2e6]);
     let map = here.join("map").display().to_string();
     let far = far.display().to_string();
+    let image = here.join("nine.bin").display().to_string();
+    let nine_cells = Image::FIRST_BOARD.with(fields::CELLS, 9);
+    fs::write(&image, nine_cells.0).unwrap();
     for (words, expected) in [
+        ("eeprom restore Cargo.toml".into(), "`robot eeprom write`"),
         (
             "eeprom check /dev/zero".into(),
             "/dev/zero: it has more than",
@@ -126,6 +130,12 @@ fn endless_and_far_inputs_are_refused() {
         assert!(stderr.contains(expected), "{words}: {stderr}");
     }
     assert!(!here.join("map.png").exists());
+    for words in ["check", "dump --image"] {
+        let (code, _, stderr) = run(&format!("eeprom {words} {image}"));
+        assert_eq!(code, 5, "{stderr}");
+        let expected = "nine.bin: EEPROM page 0x02";
+        assert!(stderr.contains(expected), "{stderr}");
+    }
     // Its two reports are 25 ms apart.
     let begun = Instant::now();
     // A SIGHUP that is ignored from the beginning on stays so.

@@ -166,9 +166,6 @@ pub enum Eeprom {
         /// Only show what would change
         #[arg(long)]
         dry_run: bool,
-        /// Write the file though it holds no EEPROM image
-        #[arg(long)]
-        force: bool,
     },
 }
 

@@ -112,6 +112,14 @@ impl Context<'_> {
             .repair(&mut connection, &mut lock)
             .and_then(|()| job(&mut connection));
         let finished = finish(matches!(outcome, Err(Error::NotReady { .. })));
+        let outcome = outcome.map_err(|error| match &self.board.virtual_board {
+            VirtualBoardArgs {
+                chosen: true,
+                eeprom_image,
+                ..
+            } => error.of_image(eeprom_image),
+            _ => error,
+        });
         outcome.and_then(|done| finished.map(|()| done))
     }
 

@@ -15,22 +15,25 @@ use std::path::Path;
 
 /// Runs one of the commands.
 pub fn run(command: &Eeprom, context: Context<'_>) -> Result<Exit, Error> {
+    let (Eeprom::Check { file } | Eeprom::Dump { image: file, .. }) = command else {
+        return perform(command, context);
+    };
+    let named = |error: Error| file.iter().fold(error, |error, file| error.of_image(file));
+    perform(command, context).map_err(named)
+}
+
+fn perform(command: &Eeprom, context: Context<'_>) -> Result<Exit, Error> {
     match command {
         Eeprom::Init { file, force } => init(file.as_deref(), *force, context.output),
         Eeprom::Write { file, dry_run } => {
             let settings = Settings::load(file)?;
             put(|present| onto(present, &settings), *dry_run, context)
         }
-        Eeprom::Restore {
-            file,
-            dry_run,
-            force,
-        } => {
+        Eeprom::Restore { file, dry_run } => {
             let image = image::load(file)?;
-            if !force && !file::is_image(&image.0) {
-                let instead = "write a .toml with `robot eeprom write`, or give --force";
-                let what = format!("{} holds no EEPROM image; {instead}", file.display());
-                return Err(Error::Usage(what));
+            if !file::is_image(&image.0) {
+                let what = "it holds no EEPROM image; write a .toml with `robot eeprom write`";
+                return Err(Error::content(file, None, what));
             }
             put(|_| image, *dry_run, context)
         }
@@ -179,12 +182,17 @@ impl Difference {
             .into_iter()
             .map(|stretch| (stretch.start, stretch.end - 1))
             .collect();
-        let decoded = (Settings::migrated(present), Settings::migrated(wanted));
+        let decoded = [present, wanted].map(|image| {
+            Settings::migrated(image).map_err(|error| match error {
+                Error::Rejected(_, what) => what,
+                error => error.to_string(),
+            })
+        });
         let (fields, rejected) = match decoded {
-            (Ok(before), Ok(after)) => (Some(changes(&before, &after)), None),
-            (Err(_), _) if *present == Image::BLANK => (None, Some("the EEPROM is blank".into())),
-            (Err(why), _) => (None, Some(format!("what is there now: {why}"))),
-            (_, Err(why)) => (None, Some(format!("what is to be written: {why}"))),
+            [Ok(before), Ok(after)] => (Some(changes(&before, &after)), None),
+            [Err(_), _] if *present == Image::BLANK => (None, Some("the EEPROM is blank".into())),
+            [Err(why), _] => (None, Some(format!("what is there now: {why}"))),
+            [_, Err(why)] => (None, Some(format!("what is to be written: {why}"))),
         };
         Self {
             bytes: stretches.iter().map(|(first, last)| last - first + 1).sum(),
