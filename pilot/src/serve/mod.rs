@@ -2,6 +2,7 @@
 
 pub mod board;
 pub mod control;
+mod failure;
 pub mod hub;
 pub mod listener;
 mod pacer;

@@ -4,7 +4,7 @@
 //! request gets one reply.
 
 use super::board::Call;
-use host_link::error::{Error, Exit};
+pub use super::failure::Failure;
 use host_link::pose::{MAX_COORDINATE_MM, Pose};
 use host_link::snapshot::Snapshot;
 use serde::{Deserialize, Serialize};
@@ -112,9 +112,22 @@ impl Request {
         if line.len() > MAX_LINE {
             return Err(format!("a line has at most {MAX_LINE} bytes"));
         }
-        let request: Self = serde_json::from_slice(line).map_err(|cause| cause.to_string())?;
+        let request: Self = serde_json::from_slice(line)
+            .map_err(|cause| Self::wrong_type(line).unwrap_or_default() + &cause.to_string())?;
         request.check()?;
         Ok(request)
+    }
+
+    /// The field whose value is of another type; serde's error of it has no name.
+    fn wrong_type(line: &[u8]) -> Option<String> {
+        let all: serde_json::Map<_, _> = serde_json::from_slice(line).ok()?;
+        let is_wrong = |field: &&String| {
+            let mut alone = all.clone();
+            alone.retain(|name, _| name == "do" || name == *field);
+            let parsed: Result<Self, _> = serde_json::from_value(alone.into());
+            parsed.is_err_and(|cause| cause.to_string().starts_with("invalid"))
+        };
+        Some(format!("{}: ", all.keys().find(is_wrong)?))
     }
 
     // Requirement: SERVE-client-1
@@ -176,34 +189,6 @@ pub(crate) fn within(
         return Ok(());
     }
     Err(format!("{field} = {value}: accepted is {least} to {most}"))
-}
-
-/// An error as clients get it.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Failure {
-    /// The sentence.
-    pub text: String,
-    /// The exit code of a command that ends with it.
-    pub exit: u8,
-}
-
-impl From<&Error> for Failure {
-    fn from(error: &Error) -> Self {
-        Self {
-            text: error.to_string(),
-            exit: error.exit().code(),
-        }
-    }
-}
-
-impl From<Failure> for Error {
-    fn from(Failure { text, exit }: Failure) -> Self {
-        let known = Exit::ALL.iter().find(|(known, _)| known.code() == exit);
-        Self::Server {
-            text,
-            exit: known.map_or(Exit::Device, |&(exit, _)| exit),
-        }
-    }
 }
 
 /// What drives the robot.
@@ -339,6 +324,10 @@ mod tests {
             r#"name of hello","version":1,"name":"""#,
             r#"now of explore","now":1"#,
             r#"jump of jump""#,
+            r#"yaw_rate_deg_s: invalid of drive","forward_mm_s":0,"yaw_rate_deg_s":"0""#,
+            r#"x_mm: invalid of goto","x_mm":null"#,
+            r#"lease_ms: invalid of explore","lease_ms":-1"#,
+            r#"call: invalid of board","call":{"delay":"1"}"#,
             "EOF of ",
         ] {
             let (field, line) = row.split_once(" of ").unwrap();
