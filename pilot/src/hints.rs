@@ -29,8 +29,8 @@ pub fn diagnose(snapshot: &Snapshot, config: &Config) -> Vec<String> {
         rejected(&mut hints, "the STM rejected frames", &causes);
         if stm.lost > 0 {
             hints.push(format!(
-                "the STM lost {} frames that came before it had read the one before: leave more time between frames (a lower --rate)",
-                stm.lost
+                "the STM lost {} that came before it had read the one before: leave more time between frames (a lower --rate)",
+                frames(stm.lost.into())
             ));
         }
         let recent_us = u64::from(stm.recent_gap_us);
@@ -42,18 +42,20 @@ pub fn diagnose(snapshot: &Snapshot, config: &Config) -> Vec<String> {
         if snapshot.faults.contains(&fault.name) {
             let is_battery =
                 (Faults::BATTERY_LOW | Faults::BATTERY_CUTOFF).intersects(fault.faults);
-            let remedy = if is_battery {
-                "charge the battery, then `robot reset`"
-            } else {
-                "in guarded modes a drive clears a lost link, `robot reset` clears all faults"
-            };
-            hints.push(format!(
-                "latched fault {}: {}; {remedy}",
-                fault.name, fault.text
-            ));
+            let charge = "charge the battery, then `robot reset`";
+            let other =
+                "in guarded modes a drive clears a lost link, `robot reset` clears all faults";
+            let remedy = if is_battery { charge } else { other };
+            let (name, text) = (fault.name, fault.text);
+            hints.push(format!("latched fault {name}: {text}; {remedy}"));
         }
     }
     hints
+}
+
+/// So many frames.
+pub fn frames(count: u64) -> String {
+    format!("{count} frame{}", if count == 1 { "" } else { "s" })
 }
 
 /// Why the log cannot be read, if the configuration gives it another speed than this program reads.
@@ -62,6 +64,17 @@ pub fn other_baud(config: &Config) -> Option<String> {
     (baud != BAUD).then(|| {
         format!("platform.log_baud is {baud}, and this program reads the STM's log at {BAUD}")
     })
+}
+
+/// Why a session that has lasted so long does not know the STM's end, if so.
+pub fn no_log(snapshot: &Snapshot, config: &Config, error: Option<&str>) -> Option<String> {
+    let unknown = || {
+        let why = error.unwrap_or(
+            "its log has no line of it (slide switch, --uart, or a firmware without that line)",
+        );
+        format!("the STM's end of the link is not known: {why}")
+    };
+    other_baud(config).or_else(|| snapshot.stm.is_none().then(unknown))
 }
 
 fn gap(whose: &str, us: u64, deadline_ms: u64) -> String {
@@ -139,6 +152,15 @@ mod tests {
     }
 
     #[test]
+    fn hint_without_the_stms_end_names_the_cause() {
+        let (mut snapshot, config) = (well(), first_board());
+        assert_eq!(no_log(&snapshot, &config, None), None);
+        snapshot.stm = None;
+        let hint = |error| no_log(&snapshot, &config, error).unwrap();
+        assert!(hint(None).contains("slide switch") && hint(Some("no port")).ends_with("no port"));
+    }
+
+    #[test]
     fn hints_explain_each_cause_at_each_end() {
         for cause in Cause::ALL {
             let mut causes = RejectCounts::default();
@@ -149,9 +171,8 @@ mod tests {
             stm.stm.as_mut().unwrap().causes = causes;
             for (snapshot, end) in [(pi, "the Pi"), (stm, "the STM")] {
                 let hints = diagnose(&snapshot, &first_board());
-                let hinted = hints
-                    .iter()
-                    .any(|hint| hint.contains(&counted) && hint.starts_with(end));
+                let names = |hint: &String| hint.contains(&counted) && hint.starts_with(end);
+                let hinted = hints.iter().any(names);
                 let is_start = end == "the STM" && cause == Cause::Stale;
                 assert_eq!(
                     (hints.len(), hinted),
@@ -174,7 +195,7 @@ mod tests {
         for expected in [
             "missed 2 replies",
             "the Pi's replies were up to 125 ms",
-            "lost 1 frames",
+            "lost 1 frame that",
             "the STM's frames were up to 125 ms",
             "a drive clears a lost link",
             "charge the battery",

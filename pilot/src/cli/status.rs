@@ -11,6 +11,11 @@ use host_link::{eeprom, reset, settings};
 use pilot::client::Client;
 use pilot::hints;
 use serde::Serialize;
+use std::thread;
+use std::time::{Duration, Instant};
+
+/// Time between two looks at what a server knows.
+const LOOK: Duration = Duration::from_millis(50);
 
 #[derive(Default, Serialize)]
 struct Summary {
@@ -28,7 +33,7 @@ struct Summary {
 /// Runs the command.
 pub fn run(status: &Status, context: Context<'_>) -> Result<Exit, Error> {
     if let Some(mut client) = context.server()? {
-        return of_server(&mut client, context);
+        return of_server(&mut client, status, context);
     }
     context.with_own_board(|connection| {
         let io = &mut connection.io;
@@ -42,15 +47,17 @@ pub fn run(status: &Status, context: Context<'_>) -> Result<Exit, Error> {
     })
 }
 
-/// Shows what the server knows.
-fn of_server(client: &mut Client, context: Context<'_>) -> Result<Exit, Error> {
-    let frame = client.status()?;
+/// Shows what the server knows, once it knows the STM's end.
+fn of_server(client: &mut Client, status: &Status, context: Context<'_>) -> Result<Exit, Error> {
+    let mut frame = client.status()?;
+    let ends = Instant::now() + Duration::from_millis(status.ms.into());
+    while frame.robot.stm.is_none() && frame.error.is_none() && Instant::now() < ends {
+        thread::sleep(LOOK);
+        frame = client.status()?;
+    }
     let unreachable = frame.error.is_some();
-    let exit = if unreachable {
-        Exit::Link
-    } else {
-        of_faults(&frame.robot)
-    };
+    let reached = of_faults(&frame.robot);
+    let exit = if unreachable { Exit::Link } else { reached };
     let mut hints = frame.advice;
     let drives = |driver| format!("{driver} drives the robot");
     hints.extend(frame.driver.map(drives));
@@ -74,16 +81,11 @@ fn linked(
     let mut session = context.open_session(io)?;
     let (report, _, ended) = session.observe(u64::from(status.ms) * 1000)?;
     let mut hints = hints::diagnose(&report, session.config());
-    if let Some(why) = hints::other_baud(session.config()) {
-        hints.push(why);
-    } else if report.stm.is_none() {
-        hints.push(match session.log_error() {
-                Some(why) => format!("the STM's end of the link is not known: {why}"),
-                None => "the STM's end of the link is not known: its log has no line of it (slide switch, --uart, \
-                         or a firmware without that line)"
-                    .into(),
-            });
-    }
+    hints.extend(hints::no_log(
+        &report,
+        session.config(),
+        session.log_error(),
+    ));
     let exit = ended.as_ref().map_or(of_faults(&report), Error::exit);
     let seen = Summary {
         ready: true,
@@ -99,11 +101,8 @@ fn linked(
 /// Whether what an answering robot reports keeps its motors off.
 fn of_faults(report: &Snapshot) -> Exit {
     let blocks = |fault: &Fault| fault.blocking && report.faults.contains(&fault.name);
-    if Faults::TABLE.iter().any(blocks) {
-        Exit::Fault
-    } else {
-        Exit::Ok
-    }
+    let blocked = Faults::TABLE.iter().any(blocks);
+    if blocked { Exit::Fault } else { Exit::Ok }
 }
 
 /// The STM does not start: checks its EEPROM for the reason.

@@ -79,10 +79,8 @@ impl Server {
                 Err(RecvTimeoutError::Disconnected) => returned = true,
             }
             self.check_lease();
-            let stopped = self
-                .loan
-                .as_ref()
-                .is_some_and(|loan| loan.stopped.is_some());
+            let loan = self.loan.as_ref();
+            let stopped = loan.is_some_and(|loan| loan.stopped.is_some());
             let gone = !borrower.is_some_and(|id| self.clients.contains_key(&id))
                 || stopped && called.elapsed() > GRACE;
             let ended = returned || gone || interrupted.is_err();

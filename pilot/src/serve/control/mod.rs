@@ -34,6 +34,8 @@ use std::time::{Duration, Instant};
 pub const CELL_MM: f64 = 25.0;
 /// Frames between two looks for advice.
 const ADVICE_FRAMES: u32 = 20;
+/// Frames in which the STM's log must have shown its end.
+const LOG_FRAMES: u64 = 100;
 /// Time between two attempts to reach a robot that does not answer …
 const RETRY: Duration = Duration::from_secs(1);
 /// … and how long each awaits `STM_READY`, ms: meanwhile no client is answered.
@@ -64,7 +66,12 @@ enum Motion {
     Stop,
     /// Clears the latched faults.
     Clear,
-    /// Hands the lines and buses to the client.
+}
+
+/// What follows.
+enum Next {
+    Motion(Motion),
+    /// The lines and buses are the client's.
     Lend,
 }
 
@@ -74,7 +81,7 @@ impl Motion {
             Self::Velocity => Activity::Drive,
             Self::Pose(_) => Activity::Goto,
             Self::Plan(activity, _) => *activity,
-            Self::Stop | Self::Clear | Self::Lend => Activity::Idle,
+            Self::Stop | Self::Clear => Activity::Idle,
         }
     }
 }
@@ -102,7 +109,7 @@ struct Server {
     activity: Activity,
     velocity: VelocityRequest,
     /// What to do when the present motion has ended.
-    next: Option<Motion>,
+    next: Option<Next>,
     /// Why the present motion must end.
     cancelled: Option<Error>,
     config: Option<Config>,
@@ -162,7 +169,7 @@ pub fn run(io: &mut BoardIo, options: &Options, events: Receiver<Event>) -> Resu
         };
         let again = Instant::now() + RETRY;
         while Instant::now() < again {
-            if matches!(server.next, Some(Motion::Lend)) && server.lend(io, options).is_ok() {
+            if matches!(server.next, Some(Next::Lend)) && server.lend(io, options).is_ok() {
                 break;
             }
             if interrupt.check().is_err() {
@@ -181,14 +188,16 @@ impl Server {
     /// Why the link has ended.
     fn serve(&mut self, session: &mut Session<'_>) -> Result<(), Error> {
         self.config = Some(session.config().clone());
+        // What was advised is of the session before.
+        self.frames = 0;
         loop {
             match self.next.take() {
                 None => {
                     let report = session.exchange(&CommandRequest::default())?;
                     self.frame(session, report.as_ref())?;
                 }
-                Some(Motion::Lend) => return Ok(()),
-                Some(motion) => self.perform(session, motion)?,
+                Some(Next::Lend) => return Ok(()),
+                Some(Next::Motion(motion)) => self.perform(session, motion)?,
             }
         }
     }
@@ -217,7 +226,6 @@ impl Server {
                 session.stop();
                 Ok(())
             }
-            Motion::Lend => Ok(()),
             Motion::Clear => self.clear_faults(session),
         };
         let activity = std::mem::take(&mut self.activity);
@@ -364,9 +372,11 @@ impl Server {
         let config = session.config();
         if self.frames.is_multiple_of(ADVICE_FRAMES) {
             self.advice = hints::diagnose(session.snapshot(), config);
-            let unread = session.log_error();
-            self.advice
-                .extend(unread.map(|why| format!("the STM's log is not read: {why}")));
+            // Its first lines may still come.
+            if session.statistics().frames >= LOG_FRAMES {
+                let (snapshot, unread) = (session.snapshot(), session.log_error());
+                self.advice.extend(hints::no_log(snapshot, config, unread));
+            }
         }
         self.latest = Some(Frame {
             robot: session.snapshot().clone(),

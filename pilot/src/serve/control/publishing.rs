@@ -1,6 +1,6 @@
 //! What the clients get: replies, and the frame, the log and the map for those who watch.
 
-use super::{CELL_MM, Motion, Server};
+use super::{CELL_MM, Next, Server};
 use crate::serve::hub::ClientId;
 use crate::serve::protocol::{Activity, Failure, Message, VERSION};
 use crate::serve::tiles::Tiles;
@@ -29,10 +29,8 @@ impl Server {
             text(&Message::Tiles { tiles })
         };
         // Written once for all who watch.
-        let written: BTreeMap<_, _> = changed
-            .iter()
-            .map(|&number| (number, tile(number)))
-            .collect();
+        let written = changed.iter().map(|&number| (number, tile(number)));
+        let written: BTreeMap<_, _> = written.collect();
         // A client that does not keep up is dropped: nothing here waits for one.
         self.clients.retain(|_, client| {
             let Some(every) = client.every else {
@@ -52,9 +50,10 @@ impl Server {
 
     /// The robot does not answer: the clients are served all the same.
     pub(super) fn unreachable(&mut self, error: &Error) {
-        if !matches!(self.next, Some(Motion::Lend)) {
-            let waiting = self.next.take().map(|motion| motion.activity());
-            self.report_end(waiting.unwrap_or_default(), Some(error), 0.0);
+        if !matches!(self.next, Some(Next::Lend)) {
+            if let Some(Next::Motion(waiting)) = self.next.take() {
+                self.report_end(waiting.activity(), Some(error), 0.0);
+            }
             self.lease = None;
         }
         if let Some(frame) = &mut self.latest {

@@ -1,6 +1,6 @@
 //! What the clients ask for, and who may drive.
 
-use super::{CELL_MM, Lease, Motion, Server};
+use super::{CELL_MM, Lease, Motion, Next, Server};
 use crate::exploring::{ensure_velocity, navigator_config};
 use crate::serve::hub::{ClientId, Event, MAX_CLIENTS};
 use crate::serve::protocol::{Activity, Message, Request};
@@ -59,7 +59,7 @@ impl Server {
     }
 
     fn cancel(&mut self, text: &str) {
-        if let (Some(Motion::Lend), Some(lease)) = (self.next.take(), &self.lease) {
+        if let (Some(Next::Lend), Some(lease)) = (self.next.take(), &self.lease) {
             self.reply(lease.client, &Err(refused(text, Exit::NotReached)));
         }
         if self.activity == Activity::Idle {
@@ -100,7 +100,7 @@ impl Server {
                     ..VelocityRequest::default()
                 };
                 if self.activity != Activity::Drive {
-                    self.begin(Motion::Velocity);
+                    self.begin(Next::Motion(Motion::Velocity));
                 }
             }
             Request::Goto {
@@ -119,12 +119,15 @@ impl Server {
                     Motion::Plan(Activity::Goto, Box::new(plan))
                 };
                 self.take_lease(id, lease_ms)?;
-                self.begin(motion);
+                self.begin(Next::Motion(motion));
             }
             Request::Explore { lease_ms } => {
                 let plan = Explorer::new(navigator_config(self.config()?, self.body_mm)?);
                 self.take_lease(id, lease_ms)?;
-                self.begin(Motion::Plan(Activity::Explore, Box::new(plan)));
+                self.begin(Next::Motion(Motion::Plan(
+                    Activity::Explore,
+                    Box::new(plan),
+                )));
             }
             Request::Keep => match &mut self.lease {
                 Some(lease) if lease.client == id && lease.ends.is_some() => {
@@ -135,7 +138,7 @@ impl Server {
             Request::Stop => self.stop(id),
             Request::ClearFaults => {
                 self.reachable_for(id)?;
-                self.begin(Motion::Clear);
+                self.begin(Next::Motion(Motion::Clear));
             }
             Request::NewMap => {
                 self.reachable_for(id)?;
@@ -152,7 +155,7 @@ impl Server {
                 }
                 // Without frames the robot's own stop deadline ends its motion.
                 self.lease = Some(self.lease_of(id, Duration::ZERO, None));
-                self.begin(Motion::Lend);
+                self.begin(Next::Lend);
             }
             Request::Board { .. } | Request::Return => {
                 let client = self.clients.get(&id);
@@ -179,20 +182,22 @@ impl Server {
             return self.cancel(&text);
         }
         let error = refused(&text, Exit::NotReached);
-        match (self.next.replace(Motion::Stop), &self.lease) {
-            (Some(Motion::Lend), Some(lease)) => self.reply(lease.client, &Err(error)),
-            (Some(waiting), _) => self.report_end(waiting.activity(), Some(&error), 0.0),
-            (None, _) => {}
+        match (self.next.replace(Next::Motion(Motion::Stop)), &self.lease) {
+            (Some(Next::Lend), Some(lease)) => self.reply(lease.client, &Err(error)),
+            (Some(Next::Motion(waiting)), _) => {
+                self.report_end(waiting.activity(), Some(&error), 0.0);
+            }
+            _ => {}
         }
         self.lease = None;
     }
 
     /// Begins a motion in place of the present one.
-    fn begin(&mut self, motion: Motion) {
+    fn begin(&mut self, next: Next) {
         if self.activity != Activity::Idle {
             self.cancel("another motion of the same client follows");
         }
-        self.next = Some(motion);
+        self.next = Some(next);
     }
 
     /// # Errors
