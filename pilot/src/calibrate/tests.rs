@@ -109,15 +109,22 @@ fn distance_and_squares_recover_five_percent_errors() {
 fn noisy_readings_stay_within_estimated_deviation() {
     let truth = WheelGeometry::new(79.2, 80.6, 127.0);
     let scaled = FIRST_BOARD.scaled((79.2 + 80.6) / 160.0);
-    let mut runs = Vec::new();
     // Three millimetres in every combination: their mean is zero.
-    for (ahead, left) in [(3.0, 3.0), (-3.0, 3.0), (3.0, -3.0), (-3.0, -3.0)] {
-        for mut run in squares(&scaled, &truth, 1000.0) {
-            run.measured.ahead_mm += ahead;
-            run.measured.left_mm += left;
-            runs.push(run);
+    let noisy = |configured, truth| {
+        let mut runs = Vec::new();
+        for (ahead, left) in [(3.0, 3.0), (-3.0, 3.0), (3.0, -3.0), (-3.0, -3.0)] {
+            for mut run in squares(configured, truth, 1000.0) {
+                run.measured.ahead_mm += ahead;
+                run.measured.left_mm += left;
+                runs.push(run);
+            }
         }
-    }
+        runs
+    };
+    // Of right wheels nothing is certain.
+    let right = umbmark::solve(&noisy(&FIRST_BOARD, &FIRST_BOARD), 1000.0).unwrap();
+    assert_eq!(right.wheels, FIRST_BOARD);
+    let runs = noisy(&scaled, &truth);
     let found = umbmark::solve(&runs, 1000.0).unwrap();
     assert!((2.5..3.5).contains(&found.residual_mm), "{found:?}");
     let score = found.score;

@@ -86,8 +86,13 @@ pub struct Estimate {
     pub ratio_deviation: f64,
     /// Root mean square of the residuals, millimetres.
     pub residual_mm: f64,
-    /// The corrected wheels; their mean is unchanged.
+    /// The wheels with what is [`certain`]; their mean is unchanged.
     pub wheels: WheelGeometry,
+}
+
+/// A correction that exceeds its standard deviation: a smaller one may as well be wrong.
+pub fn certain(factor: f64, deviation: f64) -> Option<f64> {
+    ((factor - 1.0).abs() > deviation).then_some(factor)
 }
 
 /// The clusters of both directions.
@@ -96,11 +101,8 @@ pub struct Estimate {
 /// A sentence if one direction is missing.
 pub fn score(runs: &[SquareRun]) -> Result<Score, String> {
     let cluster = |clockwise: bool| {
-        let ends: Vec<Point> = runs
-            .iter()
-            .filter(|run| run.clockwise == clockwise)
-            .map(SquareRun::error)
-            .collect();
+        let runs = runs.iter().filter(|run| run.clockwise == clockwise);
+        let ends: Vec<Point> = runs.map(SquareRun::error).collect();
         EndCluster::of(&ends).ok_or_else(|| {
             let direction = direction_name(clockwise);
             format!("no run {direction}: both directions are needed")
@@ -123,10 +125,8 @@ impl EndCluster {
         let count = ends.len() as f64;
         let mean = |of: fn(&Point) -> f64| ends.iter().map(of).sum::<f64>() / count;
         let centre = Point::new(mean(|end| end.ahead_mm), mean(|end| end.left_mm));
-        let squares: f64 = ends
-            .iter()
-            .map(|end| end.minus(centre).distance_mm().powi(2))
-            .sum();
+        let square = |end: &Point| end.minus(centre).distance_mm().powi(2);
+        let squares: f64 = ends.iter().map(square).sum();
         Some(Self {
             runs: ends.len(),
             centre,
@@ -190,13 +190,16 @@ pub fn solve(runs: &[SquareRun], side_mm: f64) -> Result<Estimate, String> {
             fitted.residual
         ));
     }
+    let [track_deviation, ratio_deviation] = fitted.deviations;
+    let [track_kept, ratio_kept] = [(track, track_deviation), (ratio, ratio_deviation)]
+        .map(|(factor, deviation)| certain(factor, deviation).unwrap_or(1.0));
     Ok(Estimate {
         score,
         track,
-        track_deviation: fitted.deviations[0],
+        track_deviation,
         ratio,
-        ratio_deviation: fitted.deviations[1],
+        ratio_deviation,
         residual_mm: fitted.residual,
-        wheels: present.with_track(track).with_ratio(ratio),
+        wheels: present.with_track(track_kept).with_ratio(ratio_kept),
     })
 }

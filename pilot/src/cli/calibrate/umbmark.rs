@@ -106,7 +106,12 @@ pub fn run(
 }
 
 fn summary(estimate: &Estimate) -> String {
-    let percent = |factor: f64| (factor - 1.0) * 100.0;
+    let correction = |factor: f64, deviation: f64| {
+        let uncertain = ", which is uncertain and not corrected: more --runs measure it better";
+        let why = umbmark::certain(factor, deviation).map_or(uncertain, |_| "");
+        let (percent, deviation) = ((factor - 1.0) * 100.0, deviation * 100.0);
+        format!("{percent:+.3} % (± {deviation:.3}){why}")
+    };
     let cluster = |name: &str, cluster: &umbmark::EndCluster| {
         format!(
             "{name}: {:.1} mm ahead, {:.1} mm to the left on average, {:.1} mm scatter over {}",
@@ -114,13 +119,11 @@ fn summary(estimate: &Estimate) -> String {
         )
     };
     format!(
-        "{}\n{}\ntrack {:+.3} % (± {:.3}), right wheel against left {:+.3} % (± {:.3}); {:.2} mm residual",
+        "{}\n{}\ntrack {}; right wheel against left {}; {:.2} mm residual",
         cluster("clockwise", &estimate.score.clockwise),
         cluster("counter-clockwise", &estimate.score.counter_clockwise),
-        percent(estimate.track),
-        estimate.track_deviation * 100.0,
-        percent(estimate.ratio),
-        estimate.ratio_deviation * 100.0,
+        correction(estimate.track, estimate.track_deviation),
+        correction(estimate.ratio, estimate.ratio_deviation),
         estimate.residual_mm
     )
 }
