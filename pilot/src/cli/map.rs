@@ -1,9 +1,8 @@
 //! `map`: driven or from a recording.
 
 use super::args::Map;
-use super::connection::Context;
+use super::connection::{Context, interrupt};
 use super::drive;
-use fw_core::eeprom::Config;
 use host_link::error::Error;
 use host_link::file;
 use host_link::session::Session;
@@ -21,10 +20,16 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
     let (body_mm, cell_mm) = (context.board.body_radius, f64::from(map.cell));
     match (&map.tour, &map.from) {
         (_, Some(file)) => {
-            let (settings, samples) = recording::load(file)?;
+            let interrupt = interrupt()?;
+            let (settings, samples, cut) = recording::load(file)?;
+            cut.iter().for_each(|cut| context.output.warn(cut));
             let poses = samples.iter().map(|sample| sample.pose);
             mapping::check_extent(poses, cell_mm, file)?;
-            let localisation = localised(settings.config(), body_mm, cell_mm, &samples);
+            let mut localisation = Localisation::new(settings.config(), body_mm, cell_mm);
+            for sample in &samples {
+                interrupt.check()?;
+                localisation.observe(sample);
+            }
             save(map, &localisation, None, context)
         }
         (Some(file), None) => {
@@ -50,7 +55,10 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
                     drive::follow(&mut session, &waypoints, &map.criteria, context, watch);
                 // What was measured before an error is worth keeping, whatever the error was.
                 let end_us = session.now_us();
-                let localisation = localised(session.config(), body_mm, cell_mm, &samples);
+                let mut localisation = Localisation::new(session.config(), body_mm, cell_mm);
+                for sample in &samples {
+                    localisation.observe(sample);
+                }
                 let written = recorder.map_or(Ok(()), |recorder| {
                     let (grid, odom) = (localisation.localiser.grid(), localisation.odom_in_map());
                     recorder.finish(end_us, grid, odom)
@@ -64,14 +72,6 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
             "map needs a tour to drive or --from a recording".into(),
         )),
     }
-}
-
-fn localised(config: &Config, body_mm: f64, cell_mm: f64, samples: &[RangeSample]) -> Localisation {
-    let mut localisation = Localisation::new(config, body_mm, cell_mm);
-    for sample in samples {
-        localisation.observe(sample);
-    }
-    localisation
 }
 
 /// Of the map by odometry alone.

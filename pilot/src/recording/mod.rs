@@ -72,10 +72,8 @@ impl Recorder {
     pub fn create(path: &Path, settings: &Settings, body_mm: f64, us: u64) -> Result<Self, Error> {
         let file = OutputFile::create(path, Kind::Recording)?;
         let sensors = sensor_poses(settings.config(), body_mm);
-        let options = WriteOptions::new()
-            .compression(None)
-            .profile("ros2")
-            .library("robot");
+        let options = WriteOptions::new().compression(None);
+        let options = options.profile("ros2").library("robot");
         let mut recorder = Self {
             path: path.into(),
             writer: options
@@ -155,10 +153,8 @@ impl Recorder {
     /// [`Error::Unwritable`].
     pub fn add_state(&mut self, snapshot: &Snapshot) -> Result<(), Error> {
         let us = snapshot.time_us;
-        if self
-            .slow_us
-            .is_some_and(|last| us.saturating_sub(last) < SLOW_US)
-        {
+        let is_early = |last| us.saturating_sub(last) < SLOW_US;
+        if self.slow_us.is_some_and(is_early) {
             return Ok(());
         }
         self.slow_us = Some(us);

@@ -2,7 +2,9 @@
 
 use super::{IMU, POSE, RANGES, SETTINGS, TF, records};
 use crate::mapping::RangeSample;
-use crate::ros_messages::{Imu, PoseStamped, RANGE_FRAMES, Range, Text, TfMessage};
+use crate::ros_messages::{
+    Imu, PoseStamped, RANGE_FRAMES, Range, Text, TfMessage, TransformStamped,
+};
 use byteorder::LittleEndian;
 use host_link::error::Error;
 use host_link::file;
@@ -17,13 +19,13 @@ const MAX_LEN: u64 = 1 << 28;
 /// Largest settings that are read, bytes.
 const MAX_SETTINGS: usize = 1 << 16;
 
-/// Reads a recording's settings, without which they are the first board's, and its reports; one that was cut
-/// off up to the cut.
+/// Reads a recording's settings, without which they are the first board's, and its reports; of one that is cut
+/// off or damaged what comes before that, and a sentence of it.
 ///
 /// # Errors
 /// [`Error::Unreadable`]; [`Error::Content`] for what is no recording, or has no report; those of
 /// [`Settings::parse`].
-pub fn load(path: &Path) -> Result<(Settings, Vec<RangeSample>), Error> {
+pub fn load(path: &Path) -> Result<(Settings, Vec<RangeSample>, Option<String>), Error> {
     let bytes = file::read(path, MAX_LEN)?;
     let (text, samples) = parse(&bytes).map_err(|what| Error::content(path, None, what))?;
     if samples.is_empty() {
@@ -33,7 +35,12 @@ pub fn load(path: &Path) -> Result<(Settings, Vec<RangeSample>), Error> {
         return Err(Error::content(path, None, "its settings exceed 64 KiB"));
     }
     let settings = text.map(|text| Settings::parse(&text, path));
-    Ok((settings.unwrap_or_else(Settings::first_board)?, samples))
+    let settings = settings.unwrap_or_else(Settings::first_board)?;
+    let cut = (!records::is_whole(&bytes)).then(|| {
+        let (path, reports) = (path.display(), samples.len());
+        format!("{path} is cut off or damaged; its first {reports} reports are used")
+    });
+    Ok((settings, samples, cut))
 }
 
 /// The settings file and the reports among a recording's bytes.
@@ -69,10 +76,9 @@ pub fn parse(bytes: &[u8]) -> Result<(Option<String>, Vec<RangeSample>), String>
             settings = decode(data).map(|Text { data }| data);
         } else if topic == TF {
             let transforms = decode::<TfMessage>(data).unwrap_or_default().transforms;
-            let mut frames = transforms
-                .iter()
-                .filter(|one| one.child_frame_id == RANGE_FRAMES[0]);
-            let degrees = frames.next().map(|one| one.transform.rotation.degrees());
+            let is_front = |one: &&TransformStamped| one.child_frame_id == RANGE_FRAMES[0];
+            let front = transforms.iter().find(is_front);
+            let degrees = front.map(|one| one.transform.rotation.degrees());
             pending.bearing_deg = degrees.filter(|degrees| degrees.is_finite());
         } else if topic == POSE {
             let Some(PoseStamped { pose, .. }) = decode(data) else {
@@ -94,9 +100,8 @@ pub fn parse(bytes: &[u8]) -> Result<(Option<String>, Vec<RangeSample>), String>
 }
 
 fn decode<T: DeserializeOwned>(data: &[u8]) -> Option<T> {
-    cdr_encoding::from_bytes::<T, LittleEndian>(data)
-        .ok()
-        .map(|(message, _)| message)
+    let decoded = cdr_encoding::from_bytes::<T, LittleEndian>(data);
+    Some(decoded.ok()?.0)
 }
 
 /// The angle nearest to the last one, degrees.

@@ -33,6 +33,13 @@ pub fn sound(bytes: &[u8]) -> Vec<u8> {
     kept
 }
 
+/// Whether every record is followed by another one, the last by the magic.
+pub fn is_whole(bytes: &[u8]) -> bool {
+    let mut rest = bytes.get(MAGIC_LEN..).unwrap_or_default();
+    while record(&mut rest).is_some() {}
+    rest.len() == MAGIC_LEN && bytes.starts_with(rest)
+}
+
 /// Takes a record: opcode and content.
 fn record<'a>(rest: &mut &'a [u8]) -> Option<(u8, &'a [u8])> {
     let (opcode, after) = rest.split_first()?;

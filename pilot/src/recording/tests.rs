@@ -40,9 +40,8 @@ fn recorded(finish: bool) -> Vec<u8> {
         recorder.add_state(&snapshot).unwrap();
     }
     if finish {
-        recorder
-            .finish(5_000_000, &Grid::new(25.0), Pose::default())
-            .unwrap();
+        let finished = recorder.finish(5_000_000, &Grid::new(25.0), Pose::default());
+        finished.unwrap();
     } else {
         // As a kill: nothing that is buffered reaches the file.
         std::mem::forget(recorder);
@@ -84,6 +83,14 @@ fn assert_begins(read: &[RangeSample], least: usize) {
 fn recording_reads_back_and_up_to_any_cut() {
     let whole = recorded(true);
     assert_begins(&parse(&whole).unwrap().1, 200);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cut.mcap");
+    for (len, is_cut) in [(whole.len(), false), (whole.len() - 1, true)] {
+        std::fs::write(&path, &whole[..len]).unwrap();
+        let (_, read, cut) = load(&path).unwrap();
+        assert_eq!((read.len(), cut.is_some()), (200, is_cut));
+        assert!(cut.is_none_or(|cut| cut.contains("its first 200 reports")));
+    }
     for len in (0..whole.len()).step_by(977) {
         if let Ok((_, read)) = parse(&whole[..len]) {
             assert_begins(&read, 0);
@@ -178,9 +185,8 @@ fn recording_without_a_pose_is_refused() {
     let path = folder.path().join("drive.mcap");
     let mut recorder = create(&path);
     recorder.add(&nowhere()).unwrap();
-    recorder
-        .finish(0, &Grid::new(25.0), Pose::default())
-        .unwrap();
+    let finished = recorder.finish(0, &Grid::new(25.0), Pose::default());
+    finished.unwrap();
     let refused = load(&path).unwrap_err().to_string();
     assert!(refused.contains("no report of a pose"), "{refused}");
 }
