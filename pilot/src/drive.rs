@@ -41,11 +41,13 @@ impl Default for ArrivalCriteria {
 /// 40 Hz, less than its own stop deadline.
 pub const MAX_UNANSWERED: u32 = 8;
 
-/// Slowest average a drive is given time for, millimetres a second.
+/// Slowest average a drive is given time for, millimetres a second; of a slow configuration half its speed.
 const SLOWEST_MM_S: f64 = 40.0;
 
-/// Time for turning and settling on top, seconds.
+/// Time for turning and settling on top, seconds …
 const SETTLING_S: f64 = 15.0;
+/// … and this far at the configured yaw rate, degrees.
+const TURNING_DEG: f64 = 720.0;
 
 /// The robot is at rest when nothing moved for this long, microseconds …
 const REST_US: u64 = 250_000;
@@ -56,8 +58,12 @@ const REST_DEG: f64 = 0.1;
 
 impl ArrivalCriteria {
     /// Seconds a drive over `mm` may take when no time-out is given.
-    pub fn allowance_s(&self, mm: f64) -> f64 {
-        self.timeout_s.unwrap_or(SETTLING_S + mm / SLOWEST_MM_S)
+    pub fn allowance_s(&self, mm: f64, config: &Config) -> f64 {
+        let limits = config.velocity_limits();
+        let slowest_mm_s = SLOWEST_MM_S.min(f64::from(limits.speed_mm_s.max(1)) / 2.0);
+        let yaw_deg_s = f64::from(limits.yaw_rate.max(1)) / 4_294_967_296.0 * 360.0;
+        let turning_s = SETTLING_S.max(TURNING_DEG / yaw_deg_s);
+        self.timeout_s.unwrap_or(turning_s + mm / slowest_mm_s)
     }
 }
 
@@ -155,7 +161,7 @@ pub fn follow<'m>(
     let mode = session.config().mode();
     let begun_us = session.now_us();
     let from = session.snapshot().pose.unwrap_or_default();
-    let seconds = criteria.allowance_s(from.distance_mm(target));
+    let seconds = criteria.allowance_s(from.distance_mm(target), session.config());
     let mut request = CommandRequest {
         target: Some(target),
         ..CommandRequest::default()

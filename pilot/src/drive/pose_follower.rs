@@ -92,6 +92,8 @@ struct Response {
     ramp: Axes,
     first: Axes,
     second: Axes,
+    /// Time beyond the last step, s.
+    beyond_s: f64,
 }
 
 impl Response {
@@ -133,12 +135,13 @@ impl Response {
 
     /// The way and the turn within so many seconds.
     fn run(&mut self, command: Axes, seconds: f64, limits: &Limits) -> Axes {
-        let (mut moved, mut left_s) = ([0.0; 2], seconds);
+        let (mut moved, mut left_s) = ([0.0; 2], self.beyond_s + seconds);
         while left_s > STEP_S / 2.0 {
             let step = self.step(command, limits);
             moved = [moved[0] + step[0], moved[1] + step[1]];
             left_s -= STEP_S;
         }
+        self.beyond_s = left_s;
         moved
     }
 

@@ -214,8 +214,16 @@ fn rest_takes_quarter_second_without_creeping() {
         let settled = rests_at(poses.into_iter().flatten()).is_some();
         assert_eq!(settled, rests, "{mm} mm, {deg} degrees");
     }
-    let allowed_s = ArrivalCriteria::default().allowance_s(400.0);
-    assert!((allowed_s - 25.0).abs() < 1e-9);
+    // Full speed, 10 mm/s, and 18 degrees/s.
+    for (field, raw, seconds) in [
+        (fields::MAX_SPEED, 300, 25.0),
+        (fields::MAX_SPEED, 10, 95.0),
+        (fields::MAX_YAW_RATE, 65_536 / 20, 50.0),
+    ] {
+        let config = Config::decode(&Image::FIRST_BOARD.with(field, raw)).unwrap();
+        let allowed_s = ArrivalCriteria::default().allowance_s(400.0, &config);
+        assert!((allowed_s - seconds).abs() < 0.1, "{allowed_s}");
+    }
 }
 
 #[test]

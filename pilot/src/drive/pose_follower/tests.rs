@@ -89,6 +89,17 @@ fn held_back_follower_turns_round_without_overshoot() {
 }
 
 #[test]
+fn prediction_of_frames_between_steps_loses_no_time() {
+    let limits = Limits::new(&config(&Image::FIRST_BOARD));
+    let way = |frames: u32| {
+        let mut response = Response::default();
+        let frame = |_| response.run([200.0, 0.0], 2.0 / f64::from(frames), &limits)[0];
+        (0..frames).map(frame).sum::<f64>()
+    };
+    assert!((way(120) - way(1)).abs() < 1.0, "{} {}", way(120), way(1));
+}
+
+#[test]
 fn target_is_reached_at_any_rate_of_frames() {
     let config = config(&Image::FIRST_BOARD);
     let target = Pose::new(500.0, 0.0, 90.0);
