@@ -24,9 +24,8 @@ fn record(path: &Path, begin_us: u64, along_mm: &[f64]) {
         };
         recorder.add(&sample).unwrap();
     }
-    recorder
-        .finish(1_000_000, &Grid::new(25.0), Pose::default())
-        .unwrap();
+    let finished = recorder.finish(1_000_000, &Grid::new(25.0), Pose::default());
+    finished.unwrap();
 }
 
 fn robot() -> Command {
@@ -56,6 +55,16 @@ fn senseless_options_are_refused_by_name() {
         ("--ready-timeout -1 status", "--ready-timeout"),
         ("goto 1 2 3 --timeout -1", "--timeout"),
         ("goto 1 2 3 --tolerance-mm nan", "--tolerance-mm"),
+        (
+            "goto 1 2 3 --tolerance-mm 0.001",
+            "accepted is 0.2 to 1000000",
+        ),
+        (
+            "goto 1 2 --start 0,0,0",
+            "were not provided:\n  --map <FILE>\n\n",
+        ),
+        ("--rate x status", "accepted is 1 to 2000"),
+        ("--virtual --seed x status", "accepted is 0 to"),
         ("tune move --hold -1", "--hold"),
         ("tune move --levels 0,100", "--levels"),
         ("calibrate umbmark --side 1", "--side"),
@@ -85,11 +94,8 @@ fn failed_standard_output_is_exit_code_11_and_closed_pipe_0() {
         assert_eq!(status.unwrap().code(), Some(11), "{words}");
         let (reader, writer) = std::io::pipe().unwrap();
         drop(reader);
-        let done = robot()
-            .args(words.split(' '))
-            .stdout(writer)
-            .output()
-            .unwrap();
+        let done = robot().args(words.split(' ')).stdout(writer).output();
+        let done = done.unwrap();
         assert_eq!(
             (done.status.code(), done.stderr),
             (Some(0), vec![]),

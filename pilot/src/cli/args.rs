@@ -4,7 +4,7 @@
 use super::board_args::BoardArgs;
 use super::measuring_args::{Calibrate, Tune, stem};
 use super::number::{SMALLEST, number};
-use clap::{Args, Parser, Subcommand, value_parser};
+use clap::{Args, Parser, Subcommand};
 use fw_core::wire::Mode;
 use host_link::error::Exit;
 use host_link::pose::{MAX_COORDINATE_MM, Pose};
@@ -171,8 +171,8 @@ pub enum Eeprom {
 
 #[derive(Args)]
 pub struct Status {
-    /// For how long; the STM's log reports its end once a second
-    #[arg(long, value_name = "MS", default_value_t = 2200, value_parser = value_parser!(u32).range(1..=600_000))]
+    /// For how long, beside a server at most; the STM's log reports its end once a second
+    #[arg(long, value_name = "MS", default_value_t = 2200, value_parser = number::<u32>(1..=600_000))]
     pub ms: u32,
 }
 
@@ -194,14 +194,14 @@ pub struct Bringup {
     #[arg(long)]
     pub link: bool,
     /// End this long after the last line
-    #[arg(long, value_name = "S", default_value_t = 35, value_parser = value_parser!(u32).range(1..=600))]
+    #[arg(long, value_name = "S", default_value_t = 35, value_parser = number::<u32>(1..=600))]
     pub patience: u32,
 }
 
 #[derive(Args)]
 pub struct Monitor {
     /// End after this many valid reports
-    #[arg(long, value_name = "N", value_parser = value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", value_parser = number(1..=u64::MAX))]
     pub count: Option<u64>,
 }
 
@@ -245,7 +245,7 @@ pub struct Ros2 {
     #[arg(long, value_name = "NAME", default_value = "")]
     pub namespace: String,
     /// Domain of DDS
-    #[arg(long, env = "ROS_DOMAIN_ID", default_value_t = 0, value_parser = value_parser!(u16).range(0..=101))]
+    #[arg(long, env = "ROS_DOMAIN_ID", default_value_t = 0, value_parser = number::<u16>(0..=101))]
     pub domain: u16,
     /// Speak DDS to programs on this computer only
     #[arg(long)]
@@ -265,11 +265,10 @@ fn parse_speed(text: &str) -> Result<f64, String> {
 
 /// The address of a socket: a host and a port.
 fn parse_address(text: &str) -> Result<String, String> {
-    let port = text
-        .rsplit_once(':')
-        .and_then(|(_, port)| port.parse::<u16>().ok());
-    let address = port.map(|_| text.to_owned());
-    address.ok_or_else(|| "accepted is HOST:PORT, e.g. 127.0.0.1:8040".into())
+    match text.rsplit_once(':') {
+        Some((_, port)) if port.parse::<u16>().is_ok() => Ok(text.into()),
+        _ => Err("accepted is HOST:PORT, e.g. 127.0.0.1:8040".into()),
+    }
 }
 
 #[derive(Args)]
@@ -282,7 +281,7 @@ pub struct Goto {
     #[arg(value_parser = number(-MAX_COORDINATE_MM..=MAX_COORDINATE_MM))]
     pub y: f64,
     /// Degrees, counter-clockwise
-    #[arg(value_name = "ROT", required_unless_present = "map", value_parser = number(-MAX_ROTATION_DEG..=MAX_ROTATION_DEG))]
+    #[arg(value_name = "ROT", required_unless_present_any = ["map", "start", "yes"], value_parser = number(-MAX_ROTATION_DEG..=MAX_ROTATION_DEG))]
     pub rotation: Option<f64>,
     /// Go to X Y of this map (the .yaml that `explore` or ROS wrote), around what it shows; to a point within
     /// 100 mm where the body cannot stand on it
@@ -337,7 +336,7 @@ pub struct Map {
     #[arg(long, value_name = "STEM", default_value = "map", value_parser = stem())]
     pub out: PathBuf,
     /// Size of a map cell, mm
-    #[arg(long, value_name = "MM", default_value_t = 25, value_parser = value_parser!(u16).range(5..=500))]
+    #[arg(long, value_name = "MM", default_value_t = 25, value_parser = number::<u16>(5..=500))]
     pub cell: u16,
     #[command(flatten)]
     pub criteria: CriteriaArgs,
@@ -372,10 +371,10 @@ pub struct Explore {
 #[derive(Args)]
 pub struct CriteriaArgs {
     /// Largest distance from a target, mm
-    #[arg(long, value_name = "MM", default_value = "5", value_parser = number(SMALLEST..=1e6))]
+    #[arg(long, value_name = "MM", default_value = "5", value_parser = number(0.2..=1e6))]
     pub tolerance_mm: f64,
     /// Largest difference from a target's rotation, degrees
-    #[arg(long, value_name = "DEG", default_value = "1", value_parser = number(SMALLEST..=1e6))]
+    #[arg(long, value_name = "DEG", default_value = "1", value_parser = number(0.05..=1e6))]
     pub tolerance_deg: f64,
     /// Time for each target, seconds; by its distance without it
     #[arg(long, value_name = "S", value_parser = number(SMALLEST..=1e6))]

@@ -3,7 +3,7 @@
 
 use super::number::number;
 use clap::parser::ValueSource;
-use clap::{ArgMatches, Args, value_parser};
+use clap::{ArgMatches, Args};
 use host_link::error::Error;
 use host_link::{reset, session};
 use std::path::PathBuf;
@@ -13,10 +13,10 @@ use std::path::PathBuf;
 #[command(next_help_heading = "Robot")]
 pub struct BoardArgs {
     /// Frames per second
-    #[arg(long, default_value_t = session::RATE_HZ, value_parser = value_parser!(u32).range(1..=2000))]
+    #[arg(long, default_value_t = session::RATE_HZ, value_parser = number::<u32>(1..=2000))]
     pub rate: u32,
     /// How long to await STM_READY, ms
-    #[arg(long, default_value_t = reset::READY_TIMEOUT_MS, value_parser = value_parser!(u32).range(1..=600_000))]
+    #[arg(long, default_value_t = reset::READY_TIMEOUT_MS, value_parser = number::<u32>(1..=600_000))]
     pub ready_timeout: u32,
     /// Radius of the robot's body around the middle of its axle, mm: plans keep it off walls; the front sensor
     /// is front_overhang inside its rim, the others 40 mm
@@ -26,7 +26,7 @@ pub struct BoardArgs {
     #[arg(long, default_value = "/dev/spidev0.0")]
     pub spi: PathBuf,
     /// SPI clock, Hz
-    #[arg(long, default_value_t = 8_000_000, value_parser = value_parser!(u32).range(1_000..=25_000_000))]
+    #[arg(long, default_value_t = 8_000_000, value_parser = number::<u32>(1_000..=25_000_000))]
     pub spi_hz: u32,
     /// I2C device
     #[arg(long, default_value = "/dev/i2c-1")]
@@ -59,14 +59,14 @@ pub struct VirtualBoardArgs {
     #[arg(long)]
     pub room: Option<PathBuf>,
     /// Seed of everything random
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = number(0..=u64::MAX))]
     pub seed: u64,
     /// A world without imperfections: wheels and track as stated, grip everywhere, walls that scatter
     /// ultrasound, a steady gyroscope
     #[arg(long)]
     pub ideal: bool,
     /// Air temperature, °C
-    #[arg(long, default_value_t = 20, allow_negative_numbers = true, value_parser = value_parser!(i16).range(-40..=85))]
+    #[arg(long, default_value_t = 20, allow_negative_numbers = true, value_parser = number::<i16>(-40..=85))]
     pub air: i16,
     /// File that keeps the virtual EEPROM from run to run; blank if it does not exist
     #[arg(long, default_value = "target/virtual/eeprom.bin")]

@@ -3,7 +3,7 @@
 
 use super::number::number;
 use clap::builder::{PathBufValueParser, TypedValueParser};
-use clap::{Args, Subcommand, value_parser};
+use clap::{Args, Subcommand};
 use pilot::calibrate::distance::Measured;
 use pilot::calibrate::run::LENGTHS_MM;
 use pilot::tune::Axis;
@@ -42,7 +42,7 @@ pub struct UmbmarkArgs {
     #[arg(long, value_name = "MM", default_value = "1000", value_parser = number(LENGTHS_MM))]
     pub side: f64,
     /// Squares each way
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = value_parser!(u8).range(1..=10))]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = number::<u8>(1..=10))]
     pub runs: u8,
     #[command(flatten)]
     pub measuring: Measuring,
@@ -89,11 +89,8 @@ fn checked_stem(path: PathBuf) -> Result<PathBuf, &'static str> {
 
 /// One or two numbers, separated by a comma or a blank.
 pub fn parse_measured(text: &str) -> Result<Measured, String> {
-    let numbers: Result<Vec<f64>, _> = text
-        .split([',', ' '])
-        .filter(|word| !word.is_empty())
-        .map(str::parse)
-        .collect();
+    let words = text.split([',', ' ']).filter(|word| !word.is_empty());
+    let numbers: Result<Vec<f64>, _> = words.map(str::parse).collect();
     match numbers.as_deref() {
         Ok(&[ahead_mm]) if ahead_mm.is_finite() => Ok(Measured {
             ahead_mm,
@@ -116,7 +113,7 @@ pub enum Tune {
     /// With a known voltage in place of a cell: correct its tap's upper resistor
     Battery {
         /// The cell, 1 = nearest to ground; tune from 1 upwards
-        #[arg(value_parser = value_parser!(u8).range(1..=8))]
+        #[arg(value_parser = number::<u8>(1..=8))]
         cell: u8,
         /// Volts in its place
         #[arg(value_parser = number(0.005..=LARGEST_V))]
