@@ -64,14 +64,13 @@ pub fn measure_upper_resistor(
         }
     }
     answers.sort_unstable();
-    answers
-        .get(answers.len() / 2)
-        .copied()
-        .ok_or_else(|| {
-            Error::Tuning(format!(
-                "the STM's log proposes no resistor for tap {cell}; check that {volts} V is at it, and the log's wire and --uart"
-            ))
-        })
+    let median = answers.get(answers.len() / 2).copied();
+    median.ok_or_else(|| {
+        let check = format!("check that {volts} V is at it, and the log's wire and --uart");
+        Error::Tuning(format!(
+            "the STM's log proposes no resistor for tap {cell}; {check}"
+        ))
+    })
 }
 
 /// Largest correction of a tap's voltage: resistors of 1 % and the ADC's reference need less.

@@ -2,6 +2,7 @@
 //! end commands zero percent and sends no further frame, so that the stop deadline holds the motors.
 
 use crate::drive::{MAX_UNANSWERED, StopOnDrop};
+use crate::hints;
 use crate::tune::samples::SampleRecorder;
 use fw_core::eeprom::Config;
 use host_link::error::Error;
@@ -31,8 +32,10 @@ const MAX_STRAY: f64 = 2.0;
 
 impl StepPlan {
     /// # Errors
-    /// [`Error::Usage`] for fewer than two duties, or for one that does not turn both wheels.
+    /// [`Error::Usage`] for fewer than two duties, or for one that does not turn both wheels; [`Error::Tuning`]
+    /// where the log is not read.
     pub fn check(&self, config: &Config) -> Result<(), Error> {
+        hints::other_baud(config).map_or(Ok(()), |why| Err(Error::Tuning(why)))?;
         if self.levels.len() < 2 {
             let what = "--levels: accepted are two or more duties";
             return Err(Error::Usage(what.into()));
