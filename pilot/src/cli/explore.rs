@@ -20,9 +20,12 @@ use pilot::serve::control::CELL_MM;
 use serde_json::json;
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::time::{Duration, Instant};
 
 /// Frames between two live lines: counting the map's cells takes time.
 const LIVE_FRAMES: u32 = 20;
+/// Time between two lines where there is no terminal.
+const PROGRESS: Duration = Duration::from_secs(10);
 /// Nearer than this ends a way to the point itself, mm; a way that ends farther off led beside it.
 const ENDS_MM: f64 = 60.0;
 
@@ -88,7 +91,9 @@ pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error>
         let settings = exploring::localiser_config(config, body_mm, grid.cell_mm());
         let mut localiser = Localiser::on_map(settings, grid, start);
         if !localiser.is_located() {
-            let located = exploring::locate(&mut session, &mut localiser, body_mm, live(context.output));
+            context.output.message("looking for where the robot stands on the map");
+            let show = live(context.output);
+            let located = exploring::locate(&mut session, &mut localiser, body_mm, show);
             context.output.end_live();
             located?.ensure_complete("the robot is not found on the map")?;
             if !localiser.is_located() {
@@ -104,11 +109,8 @@ pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error>
         let pose = localisation.localiser.estimate().pose;
         let (x_mm, y_mm, seconds) = (pose.x_mm, pose.y_mm, driven.seconds);
         let off_mm = pose.position().distance_mm(target);
-        let near = if off_mm > ENDS_MM {
-            ", as near as the body can stand"
-        } else {
-            ""
-        };
+        let beside = ", as near as the body can stand";
+        let near = if off_mm > ENDS_MM { beside } else { "" };
         let arrival = json!({ "x_mm": x_mm, "y_mm": y_mm, "off_mm": off_mm, "seconds": seconds });
         context.output.result(&arrival, || {
             format!(
@@ -137,13 +139,16 @@ fn drive(
     driven
 }
 
-/// Shows a live line now and then.
+/// Shows a line now and then.
 fn live(output: Output) -> impl FnMut(&Step<'_>) {
-    let mut frames = 0;
+    let (mut frames, mut shown) = (0, Instant::now());
     move |step| {
         frames += 1;
         if output.is_live() && frames % LIVE_FRAMES == 0 {
             output.live(&line(step));
+        } else if !output.is_live() && shown.elapsed() > PROGRESS {
+            shown = Instant::now();
+            output.message(&line(step));
         }
     }
 }
@@ -163,10 +168,8 @@ fn line(step: &Step<'_>) -> String {
 /// Area of the map that is free, m².
 #[allow(clippy::cast_precision_loss)] // far below 2^53
 fn free_m2(grid: &Grid) -> f64 {
-    let free = grid
-        .cells()
-        .filter(|&(column, row)| grid.cell(column, row) == Cell::Free);
-    free.count() as f64 * grid.cell_mm().powi(2) / 1e6
+    let is_free = |&(column, row): &_| grid.cell(column, row) == Cell::Free;
+    grid.cells().filter(is_free).count() as f64 * grid.cell_mm().powi(2) / 1e6
 }
 
 /// Makes both ends run Guarded Velocity: with `--yes`, or where a person agrees, writes it to the EEPROM

@@ -47,7 +47,8 @@ pub fn run(serve: &Serve, context: Context<'_>) -> Result<(), Error> {
             speed: simulated.then_some(serve.speed.unwrap_or(1.0)),
             journal: Some(connection.journal.clone()),
         };
-        control::run(&mut connection.io, &options, events)
+        // It ends by a signal only.
+        control::run(&mut connection.io, &options, events).and(Err(Error::Interrupted))
     })
 }
 
