@@ -22,6 +22,14 @@ const LAST_STEP: &str = ": link frames ";
 /// Runs the command.
 pub fn run(options: &Bringup, context: Context<'_>) -> Result<Exit, Error> {
     let mut findings = Findings::default();
+    if !options.log.exists() {
+        let advice = "name the serial device of the log, or a file with one that was kept";
+        return Err(Error::device(
+            options.log.display(),
+            "there is none",
+            advice,
+        ));
+    }
     let is_file = fs::metadata(&options.log).is_ok_and(|present| present.is_file());
     if is_file && options.link {
         let what = "--link exchanges frames while a serial device is read, not with a file";

@@ -9,6 +9,7 @@ use host_link::snapshot::Snapshot;
 use host_link::statistics::{LinkStatistics, RejectCounts, StmStatistics};
 use pilot::client::Client;
 use pilot::gamepad::Gamepad;
+use pilot::hints;
 use pilot::serve::protocol::{Message, Request};
 use pilot::teleop::DeadMan;
 use std::fmt::Write;
@@ -153,7 +154,7 @@ pub fn stm(link: &StmStatistics) -> String {
         let _ = write!(text, ", {missed} missed");
     }
     if let Some(frames) = link.round_trip_frames {
-        let _ = write!(text, ", round trip {frames} frames");
+        let _ = write!(text, ", round trip {}", hints::frames(frames.into()));
     }
     let _ = write!(
         text,
@@ -165,7 +166,7 @@ pub fn stm(link: &StmStatistics) -> String {
 }
 
 fn frames(frames: u64, rejected: u32, causes: &RejectCounts) -> String {
-    let mut text = format!("{frames} frames, {rejected} rejected");
+    let mut text = format!("{}, {rejected} rejected", hints::frames(frames));
     for (cause, count) in causes.nonzero() {
         let _ = write!(text, " {} {count}", cause.name());
     }

@@ -58,7 +58,8 @@ pub fn ask<T>(
     loop {
         output.message(question);
         let Some(answer) = read_line(interrupt)? else {
-            return Err(Error::Usage("standard input ended before an answer".into()));
+            let why = "standard input ended before the measurement";
+            return Err(Error::Usage(why.into()));
         };
         match parse(&answer) {
             Ok(value) => return Ok(value),

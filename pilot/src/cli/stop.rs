@@ -30,8 +30,9 @@ pub fn run(context: Context<'_>) -> Result<(), Error> {
         session.stop();
         let state = session.snapshot().state;
         let stopped = json!({ "stopped": true, "state": state });
-        let state = state.map(|state| format!(" ({state})")).unwrap_or_default();
-        output.result(&stopped, || format!("stopped{state}"))
+        let other = state.filter(|&state| state != "stopped");
+        let other = other.map_or_else(String::new, |state| format!(" ({state})"));
+        output.result(&stopped, || format!("stopped{other}"))
     })
 }
 

@@ -132,9 +132,8 @@ fn watch(session: &mut Session<'_>, findings: &mut Findings) -> Result<bool, Err
     let there = session.snapshot().pose;
     drive(session, 0.0, DRIVE_US / 5, |_| ())?;
     drive(session, -SPEED_MM_S, DRIVE_US, |_| ())?;
-    let moved_mm = start
-        .zip(there)
-        .map_or(0.0, |(start, there)| start.distance_mm(there));
+    let both = start.zip(there);
+    let moved_mm = both.map_or(0.0, |(start, there)| start.distance_mm(there));
     let limited = session.snapshot().obstacle_limited;
     let latched = &session.snapshot().faults;
     let causes = [
@@ -199,7 +198,9 @@ fn check_dead_zones(session: &mut Session<'_>, findings: &mut Findings) -> Resul
     findings.judge(
         "dead zones",
         (measured - stated).abs() <= DEAD_ZONE_ERROR,
-        format!("{measured:.0} %, the EEPROM has {left} and {right} %"),
+        format!(
+            "{measured:.0} % for both wheels together; the EEPROM has {left} % left, {right} % right"
+        ),
         "enter the right dead zones in the configuration, or free the drive train",
     );
     Ok(())

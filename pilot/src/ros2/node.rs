@@ -55,12 +55,11 @@ impl Ros2Node {
     /// cannot be joined.
     pub fn open(options: &Options) -> Result<Self, Error> {
         let namespace = format!("/{}", options.namespace.trim_start_matches('/'));
-        if let Err(cause) = Name::new(&namespace, "odom") {
-            let what = "letters, digits and single underscores, with slashes between";
+        if Name::new(&namespace, "odom").is_err() {
+            let what = "accepted are letters, digits and single underscores, with slashes between; a part begins \
+                        with no digit";
             let namespace = &options.namespace;
-            return Err(Error::Usage(format!(
-                "--namespace {namespace}: {cause}; accepted are {what}"
-            )));
+            return Err(Error::Usage(format!("--namespace {namespace}: {what}")));
         }
         Self::join(&namespace, options).map_err(|cause| {
             let advice = "choose another --domain, or end a program that holds its UDP ports";
@@ -122,6 +121,20 @@ impl Ros2Node {
     /// Writes to `/rosout`.
     pub(super) fn log(&self, text: &str) {
         rosout!(self.node, LogLevel::Warn, "{text}");
+    }
+}
+
+#[test]
+fn namespace_that_is_none_is_refused_with_what_is_accepted() {
+    let options = |namespace: &str| Options {
+        namespace: namespace.into(),
+        domain: 101,
+        localhost: true,
+    };
+    for namespace in ["a b", "1a"] {
+        let refused = Ros2Node::open(&options(namespace)).err();
+        let refused = refused.unwrap().to_string();
+        assert!(refused.contains(": accepted are letters"), "{refused}");
     }
 }
 

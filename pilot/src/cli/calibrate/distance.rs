@@ -33,6 +33,10 @@ fn earlier_path(
     present: &WheelGeometry,
 ) -> Result<WheelPath, Error> {
     let path = path_file(measurement);
+    if !path.exists() {
+        let what = "--measured is of an earlier drive, and there is none: `robot calibrate distance` drives";
+        return Err(Error::Usage(what.into()));
+    }
     file::ensure_trusted(&path)?;
     let text = file::read_text(&path)?;
     let driven: WheelPath = serde_json::from_str(&text)
@@ -73,10 +77,12 @@ pub fn run(
         file::check(&path_file(&measurement), Kind::Json)?;
         measurement.confirm(&connection.io, &what)?;
         let path = drive(&measurement, &mut connection.io, length)?;
-        (
-            path,
-            measurement.measure(connection, QUESTION, parse_measured)?,
-        )
+        let measured = measurement.measure(connection, QUESTION, parse_measured);
+        let measured = measured.map_err(|error| match error {
+            Error::Usage(why) => Error::Usage(format!("{why}; give it by --measured MM,LEFT")),
+            error => error,
+        });
+        (path, measured?)
     };
     let solved = distance::solve(&path, &measured).map_err(Error::Calibration)?;
     output.message(&summary(&measured, &solved));
