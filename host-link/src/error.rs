@@ -276,12 +276,14 @@ impl Error {
         Self::Content { path, faults }
     }
 
-    /// The same, where the content that is rejected is of this image file.
+    /// The same; the content that is rejected is of this image file, if any.
     #[must_use]
-    pub fn of_image(self, file: &Path) -> Self {
-        match self {
-            Self::Rejected(_, what) => Self::Rejected(format!("in {}", file.display()), what),
-            error => error,
+    pub fn of_image(self, file: Option<&Path>) -> Self {
+        match (self, file) {
+            (Self::Rejected(_, what), Some(file)) => {
+                Self::Rejected(format!("in {}", file.display()), what)
+            }
+            (error, _) => error,
         }
     }
 

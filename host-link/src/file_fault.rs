@@ -52,11 +52,9 @@ impl FileFault {
         }
         let _ = write!(text, ": {}", self.what);
         if let Some((line, columns)) = &self.shown {
-            let indent: String = line
-                .chars()
-                .take(columns.start)
-                .map(|letter| if letter == '\t' { '\t' } else { ' ' })
-                .collect();
+            let before = line.chars().take(columns.start);
+            let blank = |letter| if letter == '\t' { '\t' } else { ' ' };
+            let indent: String = before.map(blank).collect();
             let _ = write!(
                 text,
                 "\n    {line}\n    {indent}{}",

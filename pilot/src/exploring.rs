@@ -197,16 +197,14 @@ pub fn drive(
             next.map(|next| (estimate, next))
         };
         let (estimate, next) = meanwhile(session, request.velocity, think, |_| Ok(()))??;
+        let on_map = localisation.on_map.as_ref();
         let frame = Step {
             sample,
             snapshot: session.snapshot(),
             estimate,
             grid: localisation.localiser.grid(),
             targets: plan.targets(),
-            located: localisation
-                .on_map
-                .as_ref()
-                .is_some_and(Localiser::is_located),
+            located: on_map.is_some_and(Localiser::is_located),
         };
         let watched = watch(&frame);
         request = match (next, watched) {

@@ -118,10 +118,8 @@ impl Mapping {
 
     /// Path length of the trace, millimetres.
     pub fn path_mm(&self) -> f64 {
-        self.trace
-            .windows(2)
-            .map(|step| step[0].distance_mm(step[1]))
-            .sum()
+        let steps = self.trace.array_windows();
+        steps.map(|[from, to]| from.distance_mm(*to)).sum()
     }
 
     /// Writes `stem`.png (the map under the trace), and `stem`.pgm and `stem`.yaml as ROS map servers
@@ -250,11 +248,8 @@ mod tests {
         let image = Image::FIRST_BOARD;
         let degrees = |image: &Image| {
             let mounts = mounts(&Config::decode(image).unwrap(), BODY_MM);
-            let degrees = mounts
-                .iter()
-                .flatten()
-                .map(|mount| mount.bearing_rad.to_degrees());
-            degrees.map(f64::round).collect::<Vec<_>>()
+            let degrees = |mount: &Mount| mount.bearing_rad.to_degrees().round();
+            mounts.iter().flatten().map(degrees).collect::<Vec<_>>()
         };
         // Front, right, left.
         assert_eq!(degrees(&image), [0.0, -90.0, 90.0]);

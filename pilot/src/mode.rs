@@ -21,18 +21,12 @@ pub fn parse(text: &str) -> Result<Mode, String> {
         None => text.parse(),
     };
     let by_code = || code.ok().and_then(Mode::from_code);
-    Mode::ALL
-        .iter()
-        .copied()
-        .find(by_name)
-        .or_else(by_code)
-        .ok_or_else(|| {
-            let all: Vec<String> = Mode::ALL
-                .iter()
-                .map(|mode| format!("\"{}\" ({:#04x})", mode.name(), mode.code()))
-                .collect();
-            format!("accepted is {}", all.join(", "))
-        })
+    let found = Mode::ALL.iter().copied().find(by_name).or_else(by_code);
+    found.ok_or_else(|| {
+        let all = Mode::ALL.iter();
+        let all = all.map(|mode| format!("\"{}\" ({:#04x})", mode.name(), mode.code()));
+        format!("accepted is {}", all.collect::<Vec<_>>().join(", "))
+    })
 }
 
 /// Rewrites the mode in the EEPROM, resets the STM, opens a new session by the EEPROM's content, and

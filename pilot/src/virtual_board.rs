@@ -129,10 +129,8 @@ pub fn open(options: Options, interrupt: Interrupt) -> Result<(VirtualBoard, Boa
         return Err(Error::device(name, "there is no such file", advice));
     }
     let elf = file::read(&options.elf, MAX_ELF)?;
-    let room = options
-        .room
-        .as_deref()
-        .map_or_else(|| Ok(Room::two_rooms()), load_room)?;
+    let room = options.room.as_deref();
+    let room = room.map_or_else(|| Ok(Room::two_rooms()), load_room)?;
     file::check(&options.eeprom_image, Kind::Image)?;
     let eeprom = match file::read(&options.eeprom_image, image::LARGEST_LEN as u64) {
         Err(_) if !options.eeprom_image.exists() => Vec::new(),

@@ -8,11 +8,9 @@ use fw_core::wire::Mode;
 
 /// The first board's EEPROM with so many cells.
 fn image(cells: u8) -> Image {
-    FIELDS
-        .iter()
-        .filter(|field| field.tap != 0)
-        .fold(Image::FIRST_BOARD, |image, tap| image.with(tap, 1000))
-        .with(fields::CELLS, cells.into())
+    let taps = FIELDS.iter().filter(|field| field.tap != 0);
+    let image = taps.fold(Image::FIRST_BOARD, |image, tap| image.with(tap, 1000));
+    image.with(fields::CELLS, cells.into())
 }
 
 /// [`image`] of two cells in this mode.

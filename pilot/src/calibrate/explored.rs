@@ -69,9 +69,8 @@ impl Explored {
         // The turn is what was measured, from one wheel's way to the other's; the track follows from it and from
         // the way that the wheels will be written with.
         let turn = self.travel.0 / self.track.0;
-        let deviation = (self.track.1.powi(2) - self.travel.1.powi(2))
-            .max(0.0)
-            .sqrt();
+        let variance = self.track.1.powi(2) - self.travel.1.powi(2);
+        let deviation = variance.max(0.0).sqrt();
         let track = travel / if deviation < MEASURED { turn } else { 1.0 };
         let wheels = WheelGeometry {
             track_mm: self.before.track_mm * track,

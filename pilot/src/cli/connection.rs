@@ -112,14 +112,9 @@ impl Context<'_> {
             .repair(&mut connection, &mut lock)
             .and_then(|()| job(&mut connection));
         let finished = finish(matches!(outcome, Err(Error::NotReady { .. })));
-        let outcome = outcome.map_err(|error| match &self.board.virtual_board {
-            VirtualBoardArgs {
-                chosen: true,
-                eeprom_image,
-                ..
-            } => error.of_image(eeprom_image),
-            _ => error,
-        });
+        let image = &self.board.virtual_board.eeprom_image;
+        let image = device.is_none().then_some(image.as_path());
+        let outcome = outcome.map_err(|error| error.of_image(image));
         outcome.and_then(|done| finished.map(|()| done))
     }
 

@@ -15,14 +15,6 @@ use std::path::Path;
 
 /// Runs one of the commands.
 pub fn run(command: &Eeprom, context: Context<'_>) -> Result<Exit, Error> {
-    let (Eeprom::Check { file } | Eeprom::Dump { image: file, .. }) = command else {
-        return perform(command, context);
-    };
-    let named = |error: Error| file.iter().fold(error, |error, file| error.of_image(file));
-    perform(command, context).map_err(named)
-}
-
-fn perform(command: &Eeprom, context: Context<'_>) -> Result<Exit, Error> {
     match command {
         Eeprom::Init { file, force } => init(file.as_deref(), *force, context.output),
         Eeprom::Write { file, dry_run } => {
@@ -41,8 +33,14 @@ fn perform(command: &Eeprom, context: Context<'_>) -> Result<Exit, Error> {
             let settings = Settings::migrated(&get(None, context)?)?;
             put(|_| settings.platform_written(), *dry_run, context)
         }
-        Eeprom::Check { file } => check(&get(file.as_deref(), context)?, context.output),
-        Eeprom::Dump { image, hex } => dump(&get(image.as_deref(), context)?, *hex, context.output),
+        Eeprom::Check { file } => {
+            let image = get(file.as_deref(), context)?;
+            check(&image, context.output).map_err(|error| error.of_image(file.as_deref()))
+        }
+        Eeprom::Dump { image: file, hex } => {
+            let image = get(file.as_deref(), context)?;
+            dump(&image, *hex, context.output).map_err(|error| error.of_image(file.as_deref()))
+        }
         Eeprom::Diff { file, image } => {
             let loaded = load(file)?;
             let present = get(image.as_deref(), context)?;
@@ -91,10 +89,9 @@ fn onto(present: &Image, settings: &Settings) -> Image {
 /// An image from a file: a configuration file by its ending, else bytes.
 fn load(file: &Path) -> Result<Image, Error> {
     if is_settings(file) {
-        Ok(Settings::load(file)?.image().clone())
-    } else {
-        image::load(file)
+        return Ok(Settings::load(file)?.image().clone());
     }
+    image::load(file)
 }
 
 /// An image from a file, or from the robot.
@@ -133,11 +130,8 @@ fn check(image: &Image, output: Output) -> Result<(), Error> {
     let (mode, cells) = (settings.config().mode().name(), settings.config().cells());
     let checked = json!({ "mode": mode, "cells": cells, "platform_page": platform_page });
     output.result(&checked, || {
-        let page = if platform_page {
-            "written"
-        } else {
-            "unwritten, the first board's figures apply"
-        };
+        let unwritten = "unwritten, the first board's figures apply";
+        let page = if platform_page { "written" } else { unwritten };
         format!("accepted: mode {mode}, {cells} cells; page 0x03 is {page}")
     })
 }
@@ -178,10 +172,9 @@ struct Difference {
 
 impl Difference {
     fn between(present: &Image, wanted: &Image) -> Self {
-        let stretches: Vec<_> = image::differences(present, wanted)
-            .into_iter()
-            .map(|stretch| (stretch.start, stretch.end - 1))
-            .collect();
+        let stretches = image::differences(present, wanted).into_iter();
+        let stretches = stretches.map(|stretch| (stretch.start, stretch.end - 1));
+        let stretches: Vec<_> = stretches.collect();
         let decoded = [present, wanted].map(|image| {
             Settings::migrated(image).map_err(|error| match error {
                 Error::Rejected(_, what) => what,

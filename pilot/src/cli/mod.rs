@@ -68,11 +68,7 @@ fn grammar(all: bool) -> clap::Command {
 fn name_in_errors(command: clap::Command) -> clap::Command {
     command.mut_subcommands(name_in_errors).mut_args(|option| {
         let takes_value = option.get_action().takes_values();
-        if takes_value {
-            option.allow_negative_numbers(true)
-        } else {
-            option
-        }
+        option.allow_negative_numbers(takes_value)
     })
 }
 
@@ -99,11 +95,8 @@ pub fn main() -> ExitCode {
         Err(problem) if !problem.use_stderr() => {
             let text = problem.render();
             let ansi = std::io::stdout().is_terminal();
-            let text = if ansi {
-                text.ansi().to_string()
-            } else {
-                text.to_string()
-            };
+            let plain = text.to_string();
+            let text = if ansi { text.ansi().to_string() } else { plain };
             Output::line(text.trim_end()).map(|()| Exit::Ok)
         }
         Err(problem) => {

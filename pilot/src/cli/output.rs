@@ -79,10 +79,8 @@ impl Output {
         if self.is_live() {
             let mut stderr = io::stderr().lock();
             let columns = tcgetwinsize(&stderr).map_or(0, |size| size.ws_col.into());
-            let text = text
-                .char_indices()
-                .nth(columns.max(2) - 1)
-                .map_or(text, |(end, _)| &text[..end]);
+            let end = text.char_indices().nth(columns.max(2) - 1);
+            let text = end.map_or(text, |(end, _)| &text[..end]);
             let _ = write!(stderr, "\r\x1b[K{text}").and_then(|()| stderr.flush());
         }
     }

@@ -136,11 +136,9 @@ fn draw(frame: &mut Frame<'_>, screen: &Screen) {
     lines.extend(log.rev().map(|line| Line::from(line.as_str())));
     let block = Block::bordered().title("advice and log");
     frame.render_widget(Paragraph::new(Text::from(lines)).block(block), messages);
-    let help = if screen.drives {
-        "arrows or WASD drive while held   space STOP   q leaves and stops"
-    } else {
-        "space STOP   q leaves"
-    };
+    let drive = "arrows or WASD drive while held   space STOP   q leaves and stops";
+    let look = "space STOP   q leaves";
+    let help = if screen.drives { drive } else { look };
     frame.render_widget(Line::from(help).reversed(), keys);
 }
 
@@ -238,14 +236,9 @@ mod tests {
             rangefinders: [Some(Pose::new(80.0, 0.0, 0.0)), None, None],
             stop_deadline_ms: 250,
         };
-        let wall = |index: i32| {
-            if index % 32 == 0 || index < 32 {
-                '#'
-            } else {
-                '.'
-            }
-        };
-        let (column, row, cells) = (0, 0, (0..32 * 32).map(wall).collect());
+        let is_wall = |index: i32| index % 32 == 0 || index < 32;
+        let cell = |index| if is_wall(index) { '#' } else { '.' };
+        let (column, row, cells) = (0, 0, (0..32 * 32).map(cell).collect());
         let tiles = vec![Tile { column, row, cells }];
         let (cell_mm, line) = (25.0, "I00042: link frames 40".into());
         let mut screen = Screen::default();

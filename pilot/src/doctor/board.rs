@@ -144,16 +144,15 @@ fn link(
         .union(Faults::BATTERY_CUTOFF)
         .union(Faults::FRAME_REJECTED)
         .union(Faults::GYRO_LOST);
-    let others = Faults::TABLE
+    let latched = Faults::TABLE
         .iter()
-        .filter(|fault| faults.contains(&fault.name) && !own_checks.intersects(fault.faults));
-    let others: Vec<_> = others
-        .map(|fault| format!("{}: {}", fault.name, fault.text))
-        .collect();
-    let found = if others.is_empty() {
-        "none latched".into()
-    } else {
-        others.join("; ")
+        .filter(|one| faults.contains(&one.name));
+    let others = latched.filter(|one| !own_checks.intersects(one.faults));
+    let others = others.map(|one| format!("{}: {}", one.name, one.text));
+    let others: Vec<_> = others.collect();
+    let found = match others.as_slice() {
+        [] => "none latched".into(),
+        others => others.join("; "),
     };
     let advice = "remove the cause, then run `robot reset`";
     findings.judge("faults", others.is_empty(), found, advice);

@@ -39,10 +39,8 @@ const MOTORS: [&str; 2] = ["motor left", "motor right"];
 
 /// Judges the firmware's lines so far.
 pub fn judge(log: &str, findings: &mut Findings) {
-    let lines = log
-        .lines()
-        .map(|line| line.split_once(": ").map_or(line, |(_, text)| text));
-    let lines = Lines(lines.collect());
+    let text = |line| str::split_once(line, ": ").map_or(line, |(_, text)| text);
+    let lines = Lines(log.lines().map(text).collect());
     let Some(boot) = lines.rest("bringup 1 after ") else {
         let advice = "flash it (`cargo xtask flash --bringup`), connect TX_STM (PA9) and ground, and set the port \
                       to 115200 baud, 8N1";
@@ -205,11 +203,8 @@ fn rangefinder(lines: &Lines, check: &'static str, findings: &mut Findings) {
 
 fn wheels(lines: &Lines, findings: &mut Findings) {
     let rest = lines.counts("rest");
-    let quiet = |counts: [i32; 2]| {
-        counts
-            .iter()
-            .all(|count| count.unsigned_abs() <= REST_COUNTS)
-    };
+    let rests = |count: &i32| count.unsigned_abs() <= REST_COUNTS;
+    let quiet = |counts: [i32; 2]| counts.iter().all(rests);
     findings.judge(
         "encoders at rest",
         rest.is_some_and(quiet),
@@ -226,11 +221,9 @@ fn wheels(lines: &Lines, findings: &mut Findings) {
         };
         let (own, other) = (turned[side], turned[1 - side]);
         let good = own.unsigned_abs() > other.unsigned_abs().max(REST_COUNTS).saturating_mul(4);
-        let sign = if own < 0 {
-            "down: encoder_reversed = true"
-        } else {
-            "up: encoder_reversed = false"
-        };
+        let down = "down: encoder_reversed = true";
+        let up = "up: encoder_reversed = false";
+        let sign = if own < 0 { down } else { up };
         let found = if good {
             format!("{own} counts by hand; forward counts {sign}")
         } else {
@@ -333,14 +326,11 @@ pub fn exchange(
             by_clock.push(whole_replies(&mut io, count, wait_ns)?);
         }
     }
-    for (check, by_clock) in ["link at the Pi", "chip-select's set-up"]
-        .into_iter()
-        .zip(good)
-    {
+    let checks = ["link at the Pi", "chip-select's set-up"];
+    for (check, by_clock) in checks.into_iter().zip(good) {
         let each = clocks.iter().zip(&by_clock);
-        let each: Vec<_> = each
-            .map(|(&hz, good)| format!("{good} at {} MHz", f64::from(hz) / 1e6))
-            .collect();
+        let each = each.map(|(&hz, good)| format!("{good} at {} MHz", f64::from(hz) / 1e6));
+        let each: Vec<_> = each.collect();
         findings.judge(
             check,
             by_clock.iter().all(|&good| good == count),

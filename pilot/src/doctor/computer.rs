@@ -56,10 +56,10 @@ pub fn check(devices: [&Path; 4], boot: &Path, findings: &mut Findings) {
 
 /// Whether a line of config.txt sets it, alone or behind `dtparam=`.
 fn is_set(config: &str, overlay: &str) -> bool {
-    config
+    let mut lines = config
         .lines()
-        .map(|line| line.trim().trim_start_matches("dtparam="))
-        .any(|line| line.split(',').any(|part| part == overlay))
+        .map(|line| line.trim().trim_start_matches("dtparam="));
+    lines.any(|line| line.split(',').any(|part| part == overlay))
 }
 
 #[cfg(test)]

@@ -104,10 +104,8 @@ impl<W: FnMut(&str)> Bridge<'_, W> {
             }
         }
         let now = Instant::now();
-        if self
-            .slow
-            .is_some_and(|last| now.duration_since(last) < SLOW)
-        {
+        let is_early = |last| now.duration_since(last) < SLOW;
+        if self.slow.is_some_and(is_early) {
             return;
         }
         self.slow = Some(now);
@@ -121,17 +119,14 @@ impl<W: FnMut(&str)> Bridge<'_, W> {
     /// What the topics ask for, a stop first.
     fn requests(&mut self, now: Instant) -> Vec<(&'static str, Request)> {
         let (node, commands) = (self.node, &mut self.commands);
-        let stops: Vec<_> = node
-            .stops()
-            .filter_map(|stop| commands.stop(stop))
-            .collect();
+        let stop = node.stops().filter_map(|stop| commands.stop(stop)).last();
         let goals = node.goals().map(|goal| commands.goal(&goal, now));
         let goals: Vec<_> = goals.collect();
         let velocities = node.velocities();
         let velocities = velocities.map(|(twist, from)| commands.velocity(from, &twist, now));
         let velocities: Vec<_> = velocities.collect();
         let keep = commands.keep(now);
-        let stop = stops.into_iter().last().map(|stop| (ESTOP, stop));
+        let stop = stop.map(|stop| (ESTOP, stop));
         let goal = self.latest(GOAL_POSE, goals);
         let velocity = self.latest(CMD_VEL, velocities);
         let keep = keep.map(|keep| (GOAL_POSE, keep));

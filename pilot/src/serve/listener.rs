@@ -259,10 +259,9 @@ pub fn bind(address: &str) -> Result<(TcpListener, SocketAddr), Error> {
     let bound = address.to_socket_addrs().map(Iterator::collect::<Vec<_>>);
     let bound = bound.and_then(|all| TcpListener::bind(&all[..]));
     let bound = bound.and_then(|listener| listener.local_addr().map(|at| (listener, at)));
-    bound.map_err(|cause| Error::Device {
-        name: format!("the address {address}"),
-        cause: cause.to_string(),
-        advice: "choose an address of this computer and a free port: 127.0.0.1:8040".into(),
+    bound.map_err(|cause| {
+        let advice = "choose an address of this computer and a free port: 127.0.0.1:8040";
+        Error::device(format!("the address {address}"), cause, advice)
     })
 }
 

@@ -36,11 +36,8 @@ impl Tiles {
         let (columns, rows) = (span(first[0], grid.columns()), span(first[1], grid.rows()));
         let all = rows.flat_map(|row| columns.clone().map(move |column| (column, row)));
         let batch: Vec<_> = all.skip(self.next).take(BATCH).collect();
-        self.next = if batch.len() < BATCH {
-            0
-        } else {
-            self.next + BATCH
-        };
+        let next = self.next + BATCH;
+        self.next = if batch.len() < BATCH { 0 } else { next };
         let mut changed = Vec::new();
         for (column, row) in batch {
             let cells = cells(grid, first, column, row);

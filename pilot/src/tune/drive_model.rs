@@ -103,11 +103,8 @@ pub fn fit(steps: &[Step]) -> Result<DriveModel, String> {
             steps.len()
         ));
     }
-    let longest = steps
-        .iter()
-        .flat_map(|step| &step.travel)
-        .map(|(_, travel)| travel.abs())
-        .fold(0.0, f64::max);
+    let travels = steps.iter().flat_map(|step| &step.travel);
+    let longest = travels.map(|(_, travel)| travel.abs()).fold(0.0, f64::max);
     if longest < 1.0 {
         return Err(format!("nothing moved ({longest:.3} at most)"));
     }

@@ -60,10 +60,10 @@ pub fn save_picture(
         points,
     };
     let of = |value: fn(&Sample) -> f64| {
-        samples
+        let points = samples
             .iter()
-            .map(|sample| (sample.seconds(), value(sample)))
-            .collect()
+            .map(|sample| (sample.seconds(), value(sample)));
+        points.collect()
     };
     let unit = axis.unit().to_uppercase();
     let mut position = vec![curve("MEASURED", of(|sample| sample.value))];

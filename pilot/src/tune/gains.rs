@@ -198,21 +198,13 @@ mod tests {
             let ring = (-2.5 * t).exp() * (18.75_f64.sqrt() * t).sin() * (4.0_f64 / 3.0).sqrt();
             90.0 * (1.0 - (-5.0 * t).exp() - ring)
         };
-        let off = response
-            .curve
-            .iter()
-            .map(|&(t, at)| (at - position(t)).abs());
-        let off = off.fold(0.0, f64::max);
+        let off = |&(t, at): &(f64, f64)| (at - position(t)).abs();
+        let off = response.curve.iter().map(off).fold(0.0, f64::max);
         assert!(off < 1.5, "{off}");
-        let highest = response
-            .curve
-            .iter()
-            .fold(0.0_f64, |high, now| high.max(now.1));
+        let highest = response.curve.iter().map(|now| now.1).fold(0.0, f64::max);
         assert!((response.overshoot - (highest - 90.0)).abs() < 1e-9);
-        let last = response
-            .curve
-            .iter()
-            .rfind(|now| (now.1 - 90.0).abs() > 1.0);
+        let is_off = |now: &&(f64, f64)| (now.1 - 90.0).abs() > 1.0;
+        let last = response.curve.iter().rfind(is_off);
         let since_s = response.settled_s.unwrap() - last.unwrap().0;
         assert!((since_s - 0.01).abs() < 1e-6, "{response:?}");
     }

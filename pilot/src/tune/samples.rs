@@ -94,11 +94,8 @@ mod tests {
             b"I99990: T 0.00 0.000\nI99997: T 0.00 0.000\nI99998: ready\nI99999: T 50.00 0.000\n\
               I000x0: T 50.00 1.000\nI00001: T 50.00 2.000\nI40000: T 50.00 3.000\nI00003: T 50.00 4.000\n",
         );
-        let ticks: Vec<u32> = recorder
-            .samples()
-            .iter()
-            .map(|sample| sample.tick)
-            .collect();
+        let ticks = recorder.samples().iter().map(|sample| sample.tick);
+        let ticks: Vec<u32> = ticks.collect();
         assert_eq!(ticks, [0, 7, 8, 10, 11, 12]);
         assert_eq!(recorder.lost(), 7);
         let csv = export::csv(Axis::Move, &recorder.samples()[2..3]);

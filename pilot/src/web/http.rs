@@ -48,10 +48,8 @@ fn parse(bytes: &[u8]) -> Option<Head> {
     for line in lines.filter(|line| !line.is_empty()) {
         let (name, value) = line.split_once(':')?;
         // A header that comes twice could be read in two ways.
-        if headers
-            .insert(name.to_ascii_lowercase(), value.trim().into())
-            .is_some()
-        {
+        let name = name.to_ascii_lowercase();
+        if headers.insert(name, value.trim().into()).is_some() {
             return None;
         }
     }

@@ -16,9 +16,7 @@ const PONG: u8 = 0x8A;
 
 /// The answer to the key of a handshake: the SHA-1 in base 64 (section 4.2.2).
 pub fn accept_key(key: &str) -> String {
-    let digest = sha1_smol::Sha1::from(format!("{key}{GUID}"))
-        .digest()
-        .bytes();
+    let digest = sha1_smol::Sha1::from(format!("{key}{GUID}")).digest();
     let quartet = |bytes: &[u8]| {
         let part = |index: usize| u32::from(bytes.get(index).copied().unwrap_or_default());
         let bits = part(0) << 16 | part(1) << 8 | part(2);
@@ -27,7 +25,7 @@ pub fn accept_key(key: &str) -> String {
         let fill = bytes.len() + 1;
         (0..4).map(move |index| if index < fill { sign(index) } else { '=' })
     };
-    digest.chunks(3).flat_map(quartet).collect()
+    digest.bytes().chunks(3).flat_map(quartet).collect()
 }
 
 /// A web socket after its handshake.

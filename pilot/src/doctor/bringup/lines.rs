@@ -6,12 +6,10 @@ pub struct Lines<'a>(pub Vec<&'a str>);
 impl<'a> Lines<'a> {
     /// The rest of the last line that begins with `start`.
     pub fn rest(&self, start: &str) -> Option<&'a str> {
-        let found = self
-            .0
-            .iter()
-            .rev()
-            .find_map(|line| line.strip_prefix(start));
-        found.map(str::trim)
+        let mut lines = self.0.iter().rev();
+        lines
+            .find_map(|line| line.strip_prefix(start))
+            .map(str::trim)
     }
 
     /// The number that follows `key` in the last line that begins with `start`, hexadecimal after `0x`.
