@@ -1,6 +1,6 @@
 //! The robot that the options choose: its lock, its I/O, and the repair of what a killed run left.
 
-use super::board_args::{self, BoardArgs, VirtualBoardArgs};
+use super::board_args::{self, BoardArgs};
 use super::output::Output;
 use clap::ArgMatches;
 use host_link::board_io::{BoardIo, Interrupt};
@@ -112,10 +112,14 @@ impl Context<'_> {
             .repair(&mut connection, &mut lock)
             .and_then(|()| job(&mut connection));
         let finished = finish(matches!(outcome, Err(Error::NotReady { .. })));
-        let image = &self.board.virtual_board.eeprom_image;
-        let image = device.is_none().then_some(image.as_path());
-        let outcome = outcome.map_err(|error| error.of_image(image));
+        let outcome = outcome.map_err(|error| error.of_image(self.image_file(None)));
         outcome.and_then(|done| finished.map(|()| done))
+    }
+
+    /// The image file that is given, or the virtual robot's.
+    pub fn image_file<'f>(&'f self, given: Option<&'f Path>) -> Option<&'f Path> {
+        let own = &self.board.virtual_board;
+        given.or(own.chosen.then_some(own.eeprom_image.as_path()))
     }
 
     /// Of an EEPROM write.
@@ -169,13 +173,8 @@ impl Context<'_> {
 
     /// Where something about this robot is kept from run to run.
     pub fn state_file(&self, name: &str) -> PathBuf {
-        let VirtualBoardArgs {
-            chosen,
-            eeprom_image,
-            ..
-        } = &self.board.virtual_board;
-        if *chosen {
-            file::with_suffix(eeprom_image, &format!(".{name}"))
+        if let Some(image) = self.image_file(None) {
+            file::with_suffix(image, &format!(".{name}"))
         } else {
             let spi = &self.board.spi;
             let device = fs::canonicalize(spi).unwrap_or_else(|_| spi.clone());

@@ -33,14 +33,8 @@ pub fn run(command: &Eeprom, context: Context<'_>) -> Result<Exit, Error> {
             let settings = Settings::migrated(&get(None, context)?)?;
             put(|_| settings.platform_written(), *dry_run, context)
         }
-        Eeprom::Check { file } => {
-            let image = get(file.as_deref(), context)?;
-            check(&image, context.output).map_err(|error| error.of_image(file.as_deref()))
-        }
-        Eeprom::Dump { image: file, hex } => {
-            let image = get(file.as_deref(), context)?;
-            dump(&image, *hex, context.output).map_err(|error| error.of_image(file.as_deref()))
-        }
+        Eeprom::Check { file } => check(file.as_deref(), context),
+        Eeprom::Dump { image, hex } => dump(image.as_deref(), *hex, context),
         Eeprom::Diff { file, image } => {
             let loaded = load(file)?;
             let present = get(image.as_deref(), context)?;
@@ -124,19 +118,21 @@ fn init(file: Option<&Path>, force: bool, output: Output) -> Result<(), Error> {
     save(file, text.as_bytes(), next, output)
 }
 
-fn check(image: &Image, output: Output) -> Result<(), Error> {
-    let settings = Settings::from_image(image)?;
+fn check(file: Option<&Path>, context: Context<'_>) -> Result<(), Error> {
+    let settings = Settings::from_image(&get(file, context)?);
+    let settings = settings.map_err(|error| error.of_image(context.image_file(file)))?;
     let platform_page = settings.platform_page();
     let (mode, cells) = (settings.config().mode().name(), settings.config().cells());
     let checked = json!({ "mode": mode, "cells": cells, "platform_page": platform_page });
-    output.result(&checked, || {
+    context.output.result(&checked, || {
         let unwritten = "unwritten, the first board's figures apply";
         let page = if platform_page { "written" } else { unwritten };
         format!("accepted: mode {mode}, {cells} cells; page 0x03 is {page}")
     })
 }
 
-fn dump(image: &Image, hex: bool, output: Output) -> Result<(), Error> {
+fn dump(file: Option<&Path>, hex: bool, context: Context<'_>) -> Result<(), Error> {
+    let (image, output) = (&get(file, context)?, context.output);
     if hex {
         let digits = image.0.iter().fold(String::new(), |mut digits, byte| {
             let _ = write!(digits, "{byte:02X}");
@@ -145,7 +141,8 @@ fn dump(image: &Image, hex: bool, output: Output) -> Result<(), Error> {
         let bytes = json!({ "bytes": image.0.len(), "hex": digits });
         return output.result(&bytes, || image::hex(image));
     }
-    let settings = Settings::migrated(image)?;
+    let settings = Settings::migrated(image);
+    let settings = settings.map_err(|error| error.of_image(context.image_file(file)))?;
     let toml = render(&settings);
     let dumped = json!({
         "platform_page": settings.platform_page(),
