@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 #[test]
-fn property_is_named_once_and_its_kind_is_true() {
+fn property_is_named_once_and_its_kind_has_its_tests() {
     let mut names = BTreeSet::new();
     for property in proofs::properties() {
         let name = property.name;

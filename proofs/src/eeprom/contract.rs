@@ -147,7 +147,8 @@ pub fn is_bounded(config: &Config) -> bool {
             || config.servo().is_some() && config.rangefinders() >= 1)
 }
 
-/// What [`Config::from_fields`] accepts is bounded.
+/// What [`Config::from_fields`] accepts is bounded. Kani decides each group of fields with the others as on the first
+/// board; groups together are sampled.
 // Requirement: WIRE-eeprom-4
 pub fn accepted_configuration_is_bounded(values: AcceptedConfig) -> Seen {
     given!(let (true, config) = values.checked());

@@ -1,6 +1,7 @@
 //! T8: silence stops the robot, and only an explicit command restarts it.
 //!
-//! A fresh frame, a fault and a tick of any kind and time reach every state of a supervisor.
+//! What came before is a fresh frame, a fault and a tick at most, of any kind and time: longer histories are those
+//! of `proofs/tests/deadline_model.rs`.
 
 use fw_core::motion::StopDeadline;
 use fw_core::robot::{AllowedMotion, Supervisor, SupervisorCommand};
@@ -14,7 +15,7 @@ use fw_core::types::{Faults, Micros, Milliseconds};
 /// the watchdog enforces it.
 pub const TICKS_WITHIN: u32 = 1 << 31;
 
-/// History of a supervisor.
+/// Short history of a supervisor.
 #[derive(Clone, Copy, Debug)]
 pub struct Past {
     /// The configured deadline, ms.
@@ -49,7 +50,7 @@ impl Past {
 }
 
 /// After a fresh frame, the first tick at or after the deadline brakes and latches the fault, for any
-/// history, stopped or driving, and across the clock's wrap.
+/// [`Past`], stopped or driving, and across the clock's wrap.
 // Requirement: WIRE-deadline-1
 pub fn silence_brakes(
     past: Past,

@@ -235,3 +235,103 @@ crate::properties! {
         exhaustive repeats();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    //! What the drivers above leave out, up to the symmetries that are checked here.
+
+    use super::*;
+    use fw_core::wire::{parse_command, parse_report};
+
+    /// Every guarded mode with every two numbers.
+    fn numbers() -> impl Iterator<Item = (Mode, u8, u8)> {
+        let pairs =
+            |mode| (0..=255).flat_map(move |one| (0..=255).map(move |two| (mode, one, two)));
+        guarded_modes().flat_map(pairs)
+    }
+
+    /// Whether both ends accept a frame after `last`.
+    fn accepts(setup: Setup, last: Option<u8>, there: &[u8], back: &[u8]) -> bool {
+        let context = Context {
+            last,
+            ..setup.context()
+        };
+        let there = parse_command(setup.mode, &context, there, 0).is_ok();
+        assert_eq!(there, parse_report(setup.mode, &context, back, 0).is_ok());
+        there
+    }
+
+    /// The ways there and back are independent: whatever a frame acknowledges, its own number decides.
+    #[test]
+    fn frame_is_accepted_by_its_own_number_alone() {
+        for (mode, own, seen) in numbers() {
+            let (setup, len) = (Setup::first_board(mode), table(mode).len);
+            let context = Context {
+                own,
+                last: Some(seen),
+                ..setup.context()
+            };
+            let (mut there, mut back) = ([0; MAX_FRAME], [0; MAX_FRAME]);
+            let _ = write_command(mode, &context, &Command::default(), &mut there);
+            let _ = write_report(mode, &context, &Report::default(), &mut back);
+            for last in [None, Some(seen), Some(seen.wrapping_add(own))] {
+                let accepted = accepts(setup, last, &there[..len], &back[..len]);
+                assert_eq!(
+                    accepted,
+                    is_fresh(last, own),
+                    "{mode:?}: {own} after {last:?}"
+                );
+            }
+        }
+    }
+
+    /// So each way alone is all of [`ends_find_each_other`].
+    #[test]
+    fn ends_find_each_other_in_every_mode() {
+        for (mode, sent, accepted) in numbers() {
+            let _ = ends_find_each_other(mode, sent, accepted, sent, accepted);
+        }
+    }
+
+    /// A frame with any wrong bit is rejected even as a sender's first: it counts in no row.
+    #[test]
+    fn disturbed_frame_is_no_first() {
+        for (mode, number, bit) in numbers() {
+            let (setup, len) = (Setup::first_board(mode), table(mode).len);
+            let (mut there, mut back) = numbered(setup, number);
+            let at = usize::from(bit / 8);
+            if at < len {
+                there[at] ^= 1 << (bit % 8);
+                back[at] ^= 1 << (bit % 8);
+                assert!(!accepts(setup, None, &there[..len], &back[..len]));
+            }
+        }
+    }
+
+    /// So one bit a row is all of [`disturbed_frame_never_counts`].
+    #[test]
+    fn disturbed_frame_never_counts_in_any_row() {
+        for (mode, accepted, behind) in numbers() {
+            for which in 0..4 {
+                let bit = accepted.wrapping_add(behind) % 144;
+                let _ = disturbed_frame_never_counts(mode, accepted, behind, which, bit);
+            }
+        }
+    }
+
+    /// How far the three are behind the number accepted decides: all of that, with modes and numbers in turn.
+    #[test]
+    fn old_frames_never_count_however_old() {
+        let modes: Vec<_> = guarded_modes().collect();
+        let mut turns = modes.iter().cycle().zip((0..=255).cycle());
+        let two = || (0..=128).flat_map(|one| (0..=128).map(move |two| (one, two)));
+        for ((second, third), first) in
+            (0..=128).flat_map(|first| two().map(move |rest| (rest, first)))
+        {
+            if let Some((&mode, accepted)) = turns.next() {
+                let old = [first, second, third].map(|behind| u8::wrapping_sub(accepted, behind));
+                let _ = old_frames_never_count(mode, accepted, old);
+            }
+        }
+    }
+}
