@@ -148,9 +148,10 @@ fn second_without_valid_reply_is_silence() {
     // Normal mode's frames have no number.
     assert_eq!((end.missed, end.round_trip_frames), (None, None));
     // Slots missed by a pause are skipped.
-    board.borrow_mut().now_us += 100_000;
+    board.borrow_mut().now_us += SILENCE_TIMEOUT_US;
     let resumed_us = board.borrow().now_us;
-    for frame in 0..3 {
+    for (frame, from) in [(0, 0), (1, usize::MAX), (2, usize::MAX)] {
+        garbled(from);
         session.exchange(&request).unwrap();
         assert_eq!(board.borrow().now_us - resumed_us, frame * 25_000 + 1);
     }
