@@ -6,7 +6,7 @@ use fw_core::wire::{Command, DistanceCode, GyroCode, Mode, Order, PoseCode, Repo
 use host_link::board_io::{BoardIo, Interrupt};
 use host_link::error::Error;
 use host_link::mock_board::{Shared, mock_board};
-use host_link::session::{CommandRequest, RATE_HZ, Session};
+use host_link::session::{CommandRequest, RATE_HZ, Session, VelocityRequest};
 use mapper::{Grid, Localiser, Point, Pose2, PoseEstimate, ros};
 use navigator::{Action, Explorer, GoTo, Outcome, Status, StopReason, Velocity};
 use pilot::drive;
@@ -167,7 +167,18 @@ fn frames_go_on_while_a_plan_takes_longer_than_the_deadline() {
     assert_eq!((before[0], rest[0], after[0]), (50_000, 0, 50_000));
     assert!(before.len() > 4 && rest.len() >= 4, "{speeds:?}");
 
-    let sleep = || std::thread::sleep(Duration::from_millis(200));
+    let sleep = || std::thread::sleep(Duration::from_millis(300));
+    let velocity = Some(VelocityRequest {
+        forward_mm_s: 50.0,
+        yaw_rate_deg_s: 20.0,
+        ..VelocityRequest::default()
+    });
+    let sent = board.borrow().commands.len();
+    drive::meanwhile(&mut session, velocity, sleep, |_| Ok(())).unwrap();
+    // Four frames are 0.1 s.
+    let rests = |command: &Command| command.velocity == fw_core::types::Velocity::default();
+    let commands = board.borrow_mut().commands.split_off(sent);
+    assert!(commands.iter().skip(4).all(rests) && commands.last().is_some_and(rests));
     let ended = drive::meanwhile(&mut session, None, sleep, |_| Err(Error::Interrupted));
     assert_eq!(ended, Err(Error::Interrupted));
     assert!(ends_with_stop(&board));

@@ -8,10 +8,12 @@ use pilot::mapping::{BODY_MM, RangeSample};
 use pilot::recording::Recorder;
 use std::ffi::OsStr;
 use std::fs::{self, File};
+use std::io::Write;
 use std::os::unix::ffi::OsStrExt;
 use std::path::Path;
 use std::process::{Command, Stdio};
-use std::time::Instant;
+use std::thread::sleep;
+use std::time::{Duration, Instant};
 
 /// Records poses along x, millimetres.
 fn record(path: &Path, begin_us: u64, along_mm: &[f64]) {
@@ -43,6 +45,28 @@ fn run(words: &str) -> (i32, String, String) {
         text(&done.stdout),
         text(&done.stderr),
     )
+}
+
+#[test]
+fn bringup_listens_until_its_patience_after_the_last_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let log = folder.path().join("serial");
+    assert!(Command::new("mkfifo").arg(&log).status().unwrap().success());
+    let mut bringup = robot();
+    bringup.args(["bringup", "--patience", "2"]).arg(&log);
+    let bringup = bringup.stderr(Stdio::piped()).spawn().unwrap();
+    let mut port = File::create(&log).unwrap();
+    for line in [
+        "bringup 1 after power-on",
+        "rest counts 0 0",
+        "link",
+        "the last",
+    ] {
+        writeln!(port, "I00000: {line}").unwrap();
+        sleep(Duration::from_millis(900));
+    }
+    let text = bringup.wait_with_output().unwrap().stderr;
+    assert!(String::from_utf8_lossy(&text).contains("the last"));
 }
 
 // Requirement: WIRE-program-3

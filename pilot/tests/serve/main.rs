@@ -13,7 +13,7 @@ use pilot::client::Client;
 use pilot::mapping::BODY_MM;
 use pilot::serve::control::{self, Options};
 use pilot::serve::hub::Hub;
-use pilot::serve::protocol::{Message, Request};
+use pilot::serve::protocol::{Activity, Message, Request};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -32,6 +32,8 @@ fn in_mode(mode: Mode) -> Image {
 struct Served {
     eeprom: Image,
     speed: Option<f64>,
+    /// What each reading of its clock takes, µs.
+    reading_us: u64,
     journal: Option<Journal>,
     on_command: Option<OnCommand>,
 }
@@ -42,6 +44,7 @@ impl Served {
         Self {
             eeprom: in_mode(Mode::GuardedVelocity),
             speed,
+            reading_us: 0,
             journal: None,
             on_command: None,
         }
@@ -52,6 +55,11 @@ impl Served {
         let (hub, events) = Hub::new();
         let (board, mut io) = mock_board(&self.eeprom, None);
         board.borrow_mut().on_command = self.on_command;
+        let (clocked, reading_us) = (board.clone(), self.reading_us);
+        io.clock = Box::new(move || {
+            clocked.borrow_mut().now_us += reading_us;
+            clocked.borrow().now_us
+        });
         let end = io.interrupt.raised_on_drop();
         let options = Options {
             rate_hz: 40,
@@ -111,4 +119,30 @@ fn stops(commands: &[Command]) -> (usize, Vec<i32>) {
     speeds.retain(|&speed| speed != 0);
     speeds.dedup();
     (stop.unwrap(), speeds)
+}
+
+#[test]
+fn frames_during_slow_work_do_not_keep_the_velocity_of_an_earlier_motion() {
+    let served = Served {
+        // A frame is over before the work on its report is.
+        reading_us: 5_000,
+        ..Served::at(None)
+    };
+    let board = served.run(|hub| {
+        let mut driver = join(hub, "driver");
+        for (motion, activity) in [
+            (drive(37.0, 5000), Activity::Drive),
+            (EXPLORE, Activity::Explore),
+        ] {
+            driver.request(&motion).unwrap();
+            while driver.status().unwrap().activity != activity {}
+        }
+        let begun_us = time_us(&mut driver);
+        while time_us(&mut driver) < begun_us + 1_000_000 {}
+    });
+    let commands = &board.borrow().commands;
+    let is_stop = |command: &Command| command.order == Order::Stop;
+    let (driven, explored) = commands.split_at(commands.iter().position(is_stop).unwrap());
+    let keeps = |one: &Command| one.velocity.forward == 37_000;
+    assert!(driven.iter().any(keeps) && !explored.iter().any(keeps));
 }
