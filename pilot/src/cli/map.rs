@@ -22,7 +22,9 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
         (_, Some(file)) => {
             let interrupt = interrupt()?;
             let (settings, samples, cut) = recording::load(file)?;
-            cut.iter().for_each(|cut| context.output.warn(cut));
+            if let Some(cut) = cut {
+                context.output.warn(&cut);
+            }
             let poses = samples.iter().map(|sample| sample.pose);
             mapping::check_extent(poses, cell_mm, file)?;
             let mut localisation = Localisation::new(settings.config(), body_mm, cell_mm);

@@ -15,7 +15,9 @@ const POLL: Duration = Duration::from_millis(50);
 /// Runs the command.
 pub fn run(replay: &Replay, output: Output) -> Result<(), Error> {
     let (_, samples, cut) = recording::load(&replay.file)?;
-    cut.iter().for_each(|cut| output.warn(cut));
+    if let Some(cut) = cut {
+        output.warn(&cut);
+    }
     let (interrupt, begun) = (interrupt()?, Instant::now());
     let first_us = samples.first().map_or(0, |sample| sample.time_us);
     for sample in &samples {
