@@ -47,11 +47,18 @@ impl Trail {
         self.straight.1 = pose.relative_to(&self.straight.0).x_mm;
     }
 
-    /// The way, but for where a body of this radius would now meet one of these obstacles: it came later.
+    /// The way, but for where a body of this radius would now meet one of these obstacles that came later: well
+    /// within the body as it passed. Farther out, an error of the map is as likely.
     pub fn open(&self, obstacles: &[Point], body_mm: f64) -> Vec<Point> {
-        let meets = |at: &Point| obstacles.iter().any(|to| to.distance_mm(*at) < body_mm);
-        let open = self.points.iter().filter(|&at| !meets(at));
-        open.copied().collect()
+        let near = |at: Point, to: Point, mm: f64| at.distance_mm(to) < mm;
+        let is_later = |to: &&Point| self.points.iter().any(|&at| near(at, **to, body_mm / 2.0));
+        let later: Vec<Point> = obstacles.iter().filter(is_later).copied().collect();
+        let meets = |at: &&Point| later.iter().any(|&to| near(**at, to, body_mm));
+        self.points
+            .iter()
+            .filter(|at| !meets(at))
+            .copied()
+            .collect()
     }
 
     /// How far the robot can go back over floor that it has just driven over, mm.

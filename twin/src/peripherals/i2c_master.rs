@@ -29,7 +29,7 @@ pub struct I2cPeripheral {
     /// The arbitration was lost since `PE` was set.
     lost: bool,
     /// The error line, raised by `BERR` and `ARLO`.
-    error: bool,
+    error: Level,
 }
 
 /// The error line's position among the instance's interrupts.
@@ -44,7 +44,7 @@ impl I2cPeripheral {
             held_low: false,
             stretched: None,
             lost: false,
-            error: false,
+            error: Level::Low,
         }
     }
 
@@ -93,8 +93,9 @@ impl I2cPeripheral {
         let status = registers.get(Register::Sr1);
         let raised = (sr1::BERR.is_set(status) || sr1::ARLO.is_set(status))
             && cr2::ITERREN.is_set(registers.get(Register::Cr2));
-        if std::mem::replace(&mut self.error, raised) != raised {
-            context.interrupt(ERROR, Level::from(raised));
+        let error = Level::from(raised);
+        if std::mem::replace(&mut self.error, error) != error {
+            context.interrupt(ERROR, error);
         }
     }
 
@@ -240,7 +241,7 @@ impl Device for I2cPeripheral {
     fn reset(&mut self) {
         self.next_is_last = false;
         self.stretched = self.stretched.take().map(|_| Vec::new());
-        (self.lost, self.error) = (false, false);
+        (self.lost, self.error) = (false, Level::Low);
         self.inner.reset();
     }
 

@@ -70,7 +70,7 @@ fn drawn_gyro_has_stated_errors() {
 fn every_imperfection_is_switched_off_by_its_name() {
     let world = Imperfections::default();
     let accepted = world.without("").unwrap_err();
-    let names = accepted.strip_prefix("accepted are ").unwrap().split(", ");
-    let off = names.fold(Ok(world), |world, name| world?.without(name));
+    let mut names = accepted.strip_prefix("accepted are ").unwrap().split(", ");
+    let off = names.try_fold(world, Imperfections::without);
     assert_eq!(off, Ok(Imperfections::none()));
 }
