@@ -8,7 +8,8 @@
 //!
 //! A `theorem` is decided for all its inputs: by Kani harnesses that together leave no input fixed, or
 //! by an `exhaustive` test, up to symmetries stated there. Of a configuration each harness frees one group of
-//! fields, the others are the first board's; groups together are sampled. A `property` is sampled; its Kani harnesses decide a part of the inputs.
+//! fields, the others are the first board's; groups together are sampled. A `property` is sampled; its Kani
+//! harnesses decide a part of the inputs.
 //!
 //! No harness assumes anything: a property computes its precondition and returns
 //! [`Seen::NOTHING`] where it does not hold (`given!`). A precondition that an earlier stage guarantees is named

@@ -74,6 +74,22 @@ pub fn take_writes(board: &Board) -> Vec<RegisterWrite> {
     writes.collect()
 }
 
+/// I2C1's first control register, and bits of it.
+pub const I2C1_CR1: u64 = 0x4000_5400;
+/// See [`I2C1_CR1`].
+pub const START: u64 = 1 << 8;
+/// See [`I2C1_CR1`].
+pub const STOP: u64 = 1 << 9;
+
+/// Whether a write since the last look set this bit.
+pub fn wrote(bit: u64) -> impl Fn(&Board) -> bool {
+    move |board| {
+        take_writes(board)
+            .iter()
+            .any(|write| write.value & bit != 0)
+    }
+}
+
 /// The first board with a servo, which the sweep asks for.
 pub fn image_with_servo(mode: Mode) -> Image {
     Image::FIRST_BOARD

@@ -2,8 +2,8 @@
 
 use fw_core::eeprom::{Image, SPANS, fields};
 use robot_tests::reference::{KEY_STM, NormalReply, normal_frame, original_image};
-use robot_tests::test_board::{Rig, take_writes};
-use twin::{Board, Options};
+use robot_tests::test_board::{I2C1_CR1, Rig, START, STOP, take_writes, wrote};
+use twin::Options;
 
 /// The control register of a DMA controller's stream (RM0383, tables 1 and 35); behind it stand the
 /// number of items and the peripheral's address.
@@ -21,10 +21,6 @@ const SPI1_DR: u64 = 0x4001_300C;
 const USART1_DR: u64 = 0x4001_1004;
 const USART1_BRR: u64 = 0x4001_1008;
 const I2C1_DR: u64 = 0x4000_5410;
-const I2C1_CR1: u64 = 0x4000_5400;
-/// Bits of it.
-const START: u64 = 1 << 8;
-const STOP: u64 = 1 << 9;
 const ADC1_SR: u64 = 0x4001_2000;
 const ADC1_CR2: u64 = 0x4001_2008;
 
@@ -56,13 +52,6 @@ fn boot_ignores_spurious_bus_errors() {
 fn boot_lost_arbitration_ends_transfer_and_is_retried() {
     let rig = Rig::new(Options::with_eeprom(original_image()));
     rig.trace_writes(I2C1_CR1);
-    let wrote = |bit: u64| {
-        move |board: &Board| {
-            take_writes(board)
-                .iter()
-                .any(|write| write.value & bit != 0)
-        }
-    };
     for later in [10, 40, 60, 85, 120, 600] {
         assert!(rig.run_until(20_000, 1, wrote(START)), "{}", rig.log());
         rig.run_us(later);

@@ -5,7 +5,7 @@ use fw_core::eeprom::{Image, fields};
 use fw_core::types::Faults;
 use fw_core::wire::{Command, Mode};
 use robot_tests::linked_robot::LinkedRobot;
-use robot_tests::test_board::{Rig, TIM5_CCR1, take_writes};
+use robot_tests::test_board::{I2C1_CR1, Rig, START, STOP, TIM5_CCR1, take_writes, wrote};
 use twin::components::mpu6050::Mpu6050;
 use twin::plant::{GyroParams, Room};
 use twin::{Board, I2cController, Mpu6050Fault, Options};
@@ -171,9 +171,6 @@ fn set_fault(robot: &LinkedRobot, fault: Mpu6050Fault) {
     robot.rig.set_mpu(set);
 }
 
-/// `CR1` of the gyroscope's bus.
-const I2C1_CR1: u64 = 0x4000_5400;
-
 // Requirement: DOC-2.3-3, DOC-3.1-3, WIRE-fault-13
 #[test]
 fn gyro_absent_or_wrong_drives_by_encoders() {
@@ -250,23 +247,15 @@ fn gyro_transfer_is_aborted_at_the_next_tick() {
 // Requirement: WIRE-fault-13
 #[test]
 fn gyro_lost_arbitration_ends_transfer_at_once() {
-    const I2C1_CR1: u64 = 0x4000_5400;
     let mut robot = fitted();
     robot.stand(1_500);
     robot.rig.trace_writes(I2C1_CR1);
-    let wrote = |bit: u64| {
-        move |board: &Board| {
-            take_writes(board)
-                .iter()
-                .any(|write| write.value & bit != 0)
-        }
-    };
     for (episode, later) in [5, 30, 55, 80, 100].into_iter().enumerate() {
         take_writes(&robot.rig);
-        assert!(robot.rig.run_until(20_000, 1, wrote(1 << 8)));
+        assert!(robot.rig.run_until(20_000, 1, wrote(START)));
         robot.rig.run_us(later);
         assert!(robot.rig.lose_arbitration(), "{later} µs");
-        assert!(robot.rig.run_until(50, 1, wrote(1 << 9)), "{later} µs");
+        assert!(robot.rig.run_until(50, 1, wrote(STOP)), "{later} µs");
         // Two seconds to the next attempt, and its set-up.
         robot.stand(4_000);
         let held = robot.rig.log().matches("gyro: I2C held").count();
