@@ -57,11 +57,13 @@
 extern crate std;
 
 pub mod binary64;
+pub mod captured;
 pub mod divide;
 pub mod eeprom;
 pub mod log;
 pub mod motion;
 pub mod robot;
 pub mod sensing;
+pub mod transmitter;
 pub mod types;
 pub mod wire;

@@ -6,14 +6,18 @@
 use crate::gyro::Gyro;
 use crate::motors::Motors;
 use crate::priority::{FrameEnd, Owned, Slot};
-use crate::rangefinders::{self, Echo};
+use crate::rangefinders::{self, ECHOES};
 use crate::spi::{Claim, SpiSlave};
+use crate::tick::LATCHED;
 use crate::uart::Uart;
-use crate::{adc, fault_injection, leds, servo, tick, watchdog};
+use crate::{adc, fault_injection, leds, servo, watchdog};
+use core::cell::Cell;
 use cortex_m::interrupt::free;
+use fw_core::captured::{Echoes, Event, Pending, next_event};
 use fw_core::eeprom::Config;
 use fw_core::log::Log;
 use fw_core::robot::{ReceivedFrame, Robot, TickInput};
+use fw_core::types::Micros;
 
 /// What the robot's priority owns.
 pub static APP: Owned<2, App> = Owned::new(App {
@@ -50,31 +54,28 @@ pub struct Drivers {
     pub leds: u8,
 }
 
-/// An event for the robot.
-enum Event<'a> {
-    Echo(Echo),
-    Frame(Claim<'a>),
-    Tick(TickInput),
+/// What awaits the robot while no frame can end.
+struct Waiting<'a, 't> {
+    spi: &'a mut SpiSlave,
+    frame_end: &'t mut FrameEnd,
 }
 
-/// An echo, or else the older of a frame and a tick, so that the core's clock never runs backwards: no
-/// frame ends meanwhile, and a tick that is latched after the comparison is younger than that frame.
-#[inline]
-fn next_event(spi: &mut SpiSlave) -> Option<Event<'_>> {
-    // SAFETY: the robot's priority, and nothing here raises it again.
-    unsafe {
-        FrameEnd::raised(|frame_end| {
-            let frame = spi.ended_at(frame_end);
-            let captured = free(|token| {
-                if let Some(echo) = rangefinders::take(token) {
-                    return Some(Event::Echo(echo));
-                }
-                let tick = tick::latched_at(token)?;
-                let first = frame.is_none_or(|frame| tick.since(frame) > u32::MAX / 2);
-                first.then(|| tick::take(token).map(Event::Tick))?
-            });
-            captured.or_else(|| spi.claim(frame_end).map(Event::Frame))
-        })
+impl<'a> Pending for Waiting<'a, '_> {
+    type Frame = Claim<'a>;
+
+    #[inline]
+    fn frame_ended_at(&mut self) -> Option<Micros> {
+        self.spi.ended_at(self.frame_end)
+    }
+
+    #[inline]
+    fn captured<R>(&mut self, f: impl FnOnce(&Cell<Option<TickInput>>, &Echoes) -> R) -> R {
+        free(|token| f(LATCHED.borrow(token), ECHOES.borrow(token)))
+    }
+
+    #[inline]
+    fn claim(self) -> Option<Claim<'a>> {
+        self.spi.claim(self.frame_end)
     }
 }
 
@@ -86,9 +87,14 @@ impl App {
             return;
         };
         let log = &mut self.log;
-        while let Some(event) = next_event(&mut drivers.spi) {
+        loop {
+            let spi = &mut drivers.spi;
+            // SAFETY: the robot's priority, and nothing here raises it again.
+            let event =
+                unsafe { FrameEnd::raised(|frame_end| next_event(Waiting { spi, frame_end })) };
+            let Some(event) = event else { break };
             match event {
-                Event::Echo(Echo { which, rise, fall }) => robot.on_echo(which, rise, fall),
+                Event::Echo(echo) => robot.on_echo(echo.which, echo.rise, echo.fall),
                 Event::Frame(frame) => {
                     let lost = frame.lost();
                     exchange(robot, frame, log);

@@ -9,7 +9,6 @@ use core::cell::Cell;
 use cortex_m::interrupt::{CriticalSection, Mutex};
 use cortex_m::peripheral::SCB;
 use fw_core::robot::TickInput;
-use fw_core::types::Micros;
 use stm32f4::stm32f411::TIM5;
 
 /// Microseconds between ticks: the core's 100 Hz.
@@ -19,7 +18,7 @@ const PERIOD: u32 = 10_000;
 const BATTERY_LEAD: u32 = 200;
 
 /// The sample latched last, until the robot takes it; a later one replaces it.
-static LATCHED: Mutex<Cell<Option<TickInput>>> = Mutex::new(Cell::new(None));
+pub static LATCHED: Mutex<Cell<Option<TickInput>>> = Mutex::new(Cell::new(None));
 
 /// A sample of this instant: masked, so that nothing comes between its parts.
 #[inline]
@@ -54,18 +53,6 @@ fn schedule(last: u32) {
     timer
         .ccr3()
         .write(|w| w.ccr().set(next.wrapping_sub(BATTERY_LEAD)));
-}
-
-/// When the sample that [`take`] would return was latched.
-#[inline]
-pub fn latched_at(token: &CriticalSection) -> Option<Micros> {
-    LATCHED.borrow(token).get().map(|sample| sample.now)
-}
-
-/// The sample latched last, once.
-#[inline]
-pub fn take(token: &CriticalSection) -> Option<TickInput> {
-    LATCHED.borrow(token).take()
 }
 
 /// A compare event of the timer.

@@ -7,6 +7,7 @@ use crate::gpio::{Driver, Pull};
 use crate::registers::Registers;
 use crate::time;
 use fw_core::log::Log;
+use fw_core::transmitter::{self, Transmitter};
 use stm32f4::stm32f411::USART1;
 
 type Dma = Stream<2, 7>;
@@ -14,10 +15,39 @@ type Dma = Stream<2, 7>;
 /// The log's rate until the configuration is known, baud.
 pub const BOOT_BAUD: u32 = 115_200;
 
-/// The transmitter.
-pub struct Uart {
-    /// Bytes of the log that the DMA is sending.
-    sending: usize,
+/// The log's transmitter.
+pub struct Uart(Transmitter);
+
+/// The DMA's stream as the transmitter uses it.
+struct LogStream;
+
+impl transmitter::Stream for LogStream {
+    #[inline]
+    fn failed(&mut self) -> bool {
+        Dma::failed()
+    }
+
+    #[inline]
+    fn complete(&mut self) -> bool {
+        Dma::complete()
+    }
+
+    #[inline]
+    fn stop(&mut self) {
+        Dma::stop();
+    }
+
+    #[inline]
+    fn clear(&mut self) {
+        Dma::clear();
+    }
+
+    #[inline]
+    fn send(&mut self, bytes: &[u8]) {
+        // TC must show the end of this transfer, not of the one before (RM0383, 19.3.13).
+        USART1::registers().sr().write(|w| w.tc().clear_bit());
+        Dma::send(bytes, control::channel(4) | control::TCIE | control::TEIE);
+    }
 }
 
 impl Uart {
@@ -34,36 +64,18 @@ impl Uart {
             w.ue().set_bit();
             w.te().set_bit()
         });
-        Self { sending: 0 }
+        Self(Transmitter::IDLE)
     }
 
-    /// Retires what has been sent and starts the next transfer. Never waits; polled at boot, called by
-    /// the stream's interrupt and after each event later. The log keeps pending bytes unchanged.
+    /// Never waits; polled at boot, called by the stream's interrupt and after each event later.
     pub fn service(&mut self, log: &mut Log) {
-        if self.sending > 0 {
-            if Dma::failed() {
-                // The transfer error has stopped the stream: drop the rest of these bytes.
-                Dma::stop();
-            } else if !Dma::complete() {
-                return;
-            }
-            log.sent(self.sending);
-            self.sending = 0;
-            Dma::clear();
-        }
-        let pending = log.pending();
-        if !pending.is_empty() {
-            // TC must show the end of this transfer, not of the one before (RM0383, 19.3.13).
-            USART1::registers().sr().write(|w| w.tc().clear_bit());
-            Dma::send(pending, control::channel(4) | control::TCIE | control::TEIE);
-            self.sending = pending.len();
-        }
+        self.0.service(log, &mut LogStream);
     }
 
     /// Changes the rate once the last byte has left, or after 10 ms: a character of 1200 baud.
     // Requirement: WIRE-log-4
     pub fn set_rate(&mut self, baud: u32) {
-        if self.sending == 0 {
+        if self.0.is_idle() {
             let usart = USART1::registers();
             time::wait(10_000, || usart.sr().read().tc().bit_is_set());
         }

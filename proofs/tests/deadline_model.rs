@@ -1,16 +1,18 @@
 //! T8, every order of the clock, the ticks and the frames around the stop deadline: the core's own
-//! supervisor, handed what the interrupts stamped, as `fw-pac/src/app.rs` does.
+//! supervisor, handed what the interrupts stamped in the order of the core's own [`next_event`].
 //!
 //! A frame's end and a tick are stamped when they happen and wait, one of each, until the robot comes to
-//! them; then the older goes first. What must follow is worked out at once, when they happen, from the
+//! them. What must follow is worked out at once, when they happen, from the
 //! rules of `docs/interfaces.md` and a clock that does not wrap. The code's own does, within the run.
 //!
 //! `cargo test -p proofs --test deadline_model -- --nocapture` shows the way to each broken invariant.
 
+use std::cell::Cell;
 use std::fmt;
 
+use fw_core::captured::{Echoes, Event as Next, Pending, next_event};
 use fw_core::motion::StopDeadline;
-use fw_core::robot::{AllowedMotion, Supervisor, SupervisorCommand};
+use fw_core::robot::{AllowedMotion, Supervisor, SupervisorCommand, TickInput};
 use fw_core::types::{Faults, Micros, Milliseconds};
 use fw_core::wire::Order;
 use proofs::search::{Model, assert_broken, assert_holds};
@@ -185,17 +187,45 @@ impl State {
     }
 }
 
+/// What awaits the robot, as the firmware shows it to [`next_event`].
+struct Waiting {
+    robot: Robot,
+    frame: Option<Micros>,
+    tick: Cell<Option<TickInput>>,
+}
+
+impl Pending for Waiting {
+    type Frame = Micros;
+
+    fn frame_ended_at(&mut self) -> Option<Micros> {
+        self.frame.filter(|_| self.robot != Robot::TickFirst)
+    }
+
+    fn captured<R>(&mut self, f: impl FnOnce(&Cell<Option<TickInput>>, &Echoes) -> R) -> R {
+        if self.robot == Robot::FrameFirst && self.frame.is_some() {
+            self.tick.take();
+        }
+        f(&self.tick, &Echoes::new())
+    }
+
+    fn claim(self) -> Option<Micros> {
+        self.frame
+    }
+}
+
 impl Robot {
     /// The robot comes to the older of what waits.
     fn handle(self, next: &mut State) -> Result<(), String> {
-        let tick_first = match (next.frame, next.tick) {
-            (Some((frame, _)), Some((tick, ..))) => match self {
-                Self::TickFirst => true,
-                Self::FrameFirst => false,
-                _ => tick < frame,
-            },
-            (frame, _) => frame.is_none(),
-        };
+        let tick = next.tick.map(|(at, ..)| TickInput {
+            now: micros(at),
+            ..TickInput::default()
+        });
+        let event = next_event(Waiting {
+            robot: self,
+            frame: next.frame.map(|(at, _)| micros(at)),
+            tick: Cell::new(tick),
+        });
+        let tick_first = matches!(event, Some(Next::Tick(_)));
         match (next.frame, next.tick) {
             (_, Some((at, expected, attended, lost))) if tick_first => {
                 next.tick = None;

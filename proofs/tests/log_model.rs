@@ -1,11 +1,10 @@
-//! T13, every interleaving of the log's writer and its transmitter: the core's own queue between
-//! the robot's priority and the DMA of USART1, as `fw-pac/src/uart.rs` and `fw-pac/src/app.rs` use it.
+//! T13, every interleaving of the log's writer and its transmitter: the core's own queue and transmitter
+//! between the robot's priority and the DMA of USART1, as `fw-pac/src/uart.rs` joins them.
 //!
-//! The queue is the code's own. The transmitter is a model of `Uart::service`: registers cannot run here.
-//! Its steps are that function's accesses to a register or to the queue, one by one; before and
-//! after each the DMA may move a byte, end or fail, and its interrupt may become pending. A line enters
-//! the queue in one step, for nothing at its priority comes between its bytes; what the DMA has
-//! in hand is compared before and after, so it does not matter when within the step it reads.
+//! The stream's registers are a model: before and after each access the DMA may move a byte, end or fail, and
+//! its interrupt may become pending. A line enters the queue in one step, for nothing at its priority comes
+//! between its bytes; what the DMA has in hand is compared before and after, so it does not matter when
+//! within the step it reads. What it does between two accesses of one call is an event's script.
 //!
 //! `cargo test -p proofs --test log_model -- --nocapture` shows the way to each broken invariant.
 
@@ -14,6 +13,7 @@ use std::hash::{Hash, Hasher};
 use std::ptr;
 
 use fw_core::log::{Level, Log};
+use fw_core::transmitter::{Stream, Transmitter};
 use proofs::search::{Model, assert_broken, assert_holds};
 
 /// Bytes of the queue: three short lines, or the report of dropped lines and one short line.
@@ -40,27 +40,6 @@ impl Text {
     }
 }
 
-/// Where `service` is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-enum Step {
-    /// About to look whether the transfer in hand has failed.
-    AskFailed,
-    /// About to look whether it is complete.
-    AskComplete,
-    /// About to stop the stream.
-    Stop,
-    /// About to retire what was in hand.
-    Retire,
-    /// About to clear the stream's flags.
-    Clear,
-    /// About to see what is pending.
-    Look,
-    /// About to clear the flags for the transfer of the queue's first so many bytes.
-    ClearFor(usize),
-    /// About to enable the stream for them.
-    Enable(usize),
-}
-
 /// What the robot's priority does.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum Handler {
@@ -69,8 +48,6 @@ enum Handler {
     Writing,
     /// Within a line: seen only where something may come between, see [`Service::Preempting`].
     WithinLine(Text),
-    /// `PendSV`, at its end.
-    Servicing(Step),
 }
 
 /// The stream: which bytes of memory it moves, how many it has.
@@ -164,26 +141,129 @@ impl Reader {
     }
 }
 
-#[derive(Clone)]
-struct State {
-    log: Log<QUEUE>,
-    /// `Uart::sending`.
-    sending: usize,
-    handler: Handler,
-    /// The stream's interrupt: where its `service` is.
-    interrupt: Option<Step>,
-    /// What the writer has of the queue while a line is under way, see [`Service::Preempting`].
-    working_copy: Option<Box<Log<QUEUE>>>,
-    /// The stream, while it is enabled.
+/// The stream's registers and what became of the bytes.
+#[derive(Clone, PartialEq, Eq, Hash)]
+struct Dma {
+    /// The transfer, while the stream is enabled.
     stream: Option<Transfer>,
-    /// Its flags.
     complete: bool,
     failed: bool,
     /// Its interrupt is pending.
     pending: bool,
     reader: Reader,
-    written: u8,
     failures: u8,
+}
+
+impl Dma {
+    /// Bytes still to be moved.
+    fn rest(&self) -> usize {
+        self.stream.map_or(0, |stream| stream.len - stream.moved)
+    }
+
+    fn move_byte(&mut self, log: &Log<QUEUE>) -> Result<(), String> {
+        let Some(stream) = &mut self.stream else {
+            return Ok(());
+        };
+        let byte = byte_at(log, stream.offset + stream.moved);
+        stream.moved += 1;
+        if stream.moved == stream.len {
+            self.stream = None;
+            self.complete = true;
+        }
+        let byte = byte.ok_or("the stream reads what is not in the queue any more")?;
+        self.reader.read(byte)
+    }
+
+    fn refuse(&mut self) {
+        self.failures += 1;
+        self.failed = true;
+        self.reader.doubtful = true;
+        self.reader.lossy = true;
+        self.stream = None;
+    }
+}
+
+/// The registers while the transmitter uses them.
+struct Registers<'a> {
+    service: Service,
+    dma: &'a mut Dma,
+    /// What the stream reads; the queue is unchanged as long as it does.
+    memory: &'a Log<QUEUE>,
+    /// The queue's address.
+    base: usize,
+    /// What the DMA does before each access but the first, where it can: nothing, so many bytes, or one
+    /// more than there are: an error. Its end is without effect; and how many choices there were.
+    script: &'a [usize],
+    choices: Vec<usize>,
+    accessed: bool,
+    broken: Result<(), String>,
+}
+
+impl Registers<'_> {
+    fn meanwhile(&mut self) {
+        // Before the first access it is an event of its own.
+        let first = !std::mem::replace(&mut self.accessed, true);
+        let rest = self.dma.rest();
+        if first || rest == 0 {
+            return;
+        }
+        let choice = self.script.get(self.choices.len()).copied();
+        let may_fail = usize::from(self.dma.failures < FAILURES);
+        self.choices.push(1 + rest + may_fail);
+        match choice.unwrap_or(0) {
+            error if error > rest => self.dma.refuse(),
+            bytes => {
+                for _ in 0..bytes {
+                    let moved = self.dma.move_byte(self.memory);
+                    self.broken = self.broken.clone().and(moved);
+                }
+            }
+        }
+        self.service.raise(self.dma);
+    }
+}
+
+impl Stream for Registers<'_> {
+    fn failed(&mut self) -> bool {
+        self.meanwhile();
+        self.dma.failed
+    }
+
+    fn complete(&mut self) -> bool {
+        self.meanwhile();
+        self.dma.complete || self.service == Service::Impatient
+    }
+
+    fn stop(&mut self) {
+        self.meanwhile();
+        self.dma.stream = None;
+    }
+
+    fn clear(&mut self) {
+        self.meanwhile();
+        self.service.clear(self.dma);
+    }
+
+    fn send(&mut self, bytes: &[u8]) {
+        self.meanwhile();
+        self.service.clear(self.dma);
+        self.dma.stream = Some(Transfer {
+            offset: bytes.as_ptr() as usize - self.base,
+            len: bytes.len(),
+            moved: 0,
+        });
+    }
+}
+
+#[derive(Clone)]
+struct State {
+    log: Log<QUEUE>,
+    transmitter: Transmitter,
+    handler: Handler,
+    /// What the writer has of the queue while a line is under way, see [`Service::Preempting`].
+    working_copy: Option<Box<Log<QUEUE>>>,
+    dma: Dma,
+    written: u8,
 }
 
 /// Where the queue's next byte stands, from its own address.
@@ -205,9 +285,7 @@ impl State {
         let log = &self.log;
         (
             (log.pending(), copy, offset(log), log.dropped()),
-            (self.sending, &self.handler, self.interrupt, self.stream),
-            (self.complete, self.failed, self.pending),
-            (&self.reader, self.written, self.failures),
+            (&self.transmitter, &self.handler, &self.dma, self.written),
         )
     }
 }
@@ -230,32 +308,36 @@ impl fmt::Debug for State {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "queue {:?}, {} dropped, {} in hand; {:?}, interrupt {:?}{}; ",
+            "queue {:?}, {} dropped, {:?}; {:?}{}; ",
             String::from_utf8_lossy(self.log.pending()),
             self.log.dropped(),
-            self.sending,
+            self.transmitter,
             self.handler,
-            self.interrupt,
-            if self.pending { " pending" } else { "" },
+            if self.dma.pending {
+                ", interrupt pending"
+            } else {
+                ""
+            },
         )?;
-        match self.stream {
+        match self.dma.stream {
             None => write!(f, "stream off")?,
             Some(Transfer { offset, len, moved }) => {
                 write!(f, "stream at {moved} of {len} from {offset}")?;
             }
         }
+        let reader = &self.dma.reader;
         write!(
             f,
             "{}{}; read {} lines and {:?}",
-            if self.complete { " complete" } else { "" },
-            if self.failed { " failed" } else { "" },
-            self.reader.lines,
-            String::from_utf8_lossy(&self.reader.line[..self.reader.len]),
+            if self.dma.complete { " complete" } else { "" },
+            if self.dma.failed { " failed" } else { "" },
+            reader.lines,
+            String::from_utf8_lossy(&reader.line[..reader.len]),
         )
     }
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 enum Event {
     /// The robot has something to do.
     Begin,
@@ -263,28 +345,22 @@ enum Event {
     Line(Text),
     /// The line is in the queue.
     LineEnd,
-    /// It has done everything, and sees to the transmitter.
-    End,
-    /// `service` goes on.
-    Go,
-    /// The stream's interrupt is taken.
-    Interrupt,
-    /// Its `service` goes on.
-    GoInterrupt,
+    /// It has done everything, and sees to the transmitter: what the DMA does meanwhile.
+    End(Vec<usize>),
+    /// The stream's interrupt is taken: what the DMA does meanwhile.
+    Interrupt(Vec<usize>),
     /// The stream moves a byte to the transmitter.
     Move,
     /// The bus refuses the stream an access.
     Refuse,
 }
 
-/// The transmitter, as it is or broken on purpose.
+/// The registers and the interrupt, as they are or broken on purpose.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Service {
     Right,
-    /// What is in hand is retired without asking whether it has left.
+    /// A transfer counts as complete at once.
     Impatient,
-    /// A transfer is started over the one under way.
-    Restarting,
     /// The flags of the transfer before stand when the next one starts.
     KeepingFlags,
     /// The stream has no interrupt.
@@ -299,62 +375,55 @@ enum Service {
 }
 
 impl Service {
-    /// One step of `service`; where it goes on.
-    fn serve(self, next: &mut State, step: Step) -> Option<Step> {
-        match step {
-            Step::AskFailed if next.sending == 0 => Some(Step::Look),
-            Step::AskFailed if next.failed => Some(Step::Stop),
-            Step::AskFailed => Some(Step::AskComplete),
-            Step::AskComplete if next.complete || self == Self::Impatient => Some(Step::Retire),
-            Step::AskComplete if self == Self::Restarting => Some(Step::Look),
-            Step::AskComplete => None,
-            Step::Stop => {
-                next.stream = None;
-                Some(Step::Retire)
-            }
-            Step::Retire => {
-                next.log.sent(next.sending);
-                next.sending = 0;
-                Some(Step::Clear)
-            }
-            Step::Clear => {
-                self.clear(next);
-                Some(Step::Look)
-            }
-            Step::Look => {
-                let count = next.log.pending().len();
-                (count > 0).then_some(Step::ClearFor(count))
-            }
-            Step::ClearFor(count) => {
-                self.clear(next);
-                Some(Step::Enable(count))
-            }
-            Step::Enable(count) => {
-                let (offset, moved) = (offset(&next.log), 0);
-                next.stream = Some(Transfer {
-                    offset,
-                    len: count,
-                    moved,
-                });
-                next.sending = count;
-                None
-            }
+    /// The transmitter's service with a script; how many choices the DMA had each time.
+    fn serve(self, next: &mut State, script: &[usize]) -> Result<Vec<usize>, String> {
+        let memory = next.log.clone();
+        let mut registers = Registers {
+            service: self,
+            dma: &mut next.dma,
+            memory: &memory,
+            base: ptr::from_ref(&next.log) as usize,
+            script,
+            choices: Vec::new(),
+            accessed: false,
+            broken: Ok(()),
+        };
+        next.transmitter.service(&mut next.log, &mut registers);
+        registers.broken.clone()?;
+        let choices = registers.choices;
+        self.raise(&mut next.dma);
+        Ok(choices)
+    }
+
+    /// Every script that makes a difference.
+    fn scripts(self, state: &State) -> Vec<Vec<usize>> {
+        let (mut scripts, mut script) = (Vec::new(), Vec::new());
+        loop {
+            let choices = self.serve(&mut state.clone(), &script).unwrap_or_default();
+            script.resize(choices.len(), 0);
+            scripts.push(script.clone());
+            let others = |&at: &usize| script[at] + 1 < choices[at];
+            let Some(last) = (0..choices.len()).rev().find(others) else {
+                return scripts;
+            };
+            script[last] += 1;
+            script.truncate(last + 1);
         }
     }
 
-    fn clear(self, next: &mut State) {
+    fn clear(self, dma: &mut Dma) {
         if self != Self::KeepingFlags {
-            next.complete = false;
-            next.failed = false;
+            dma.complete = false;
+            dma.failed = false;
         }
     }
 
     /// A flag that stands raises the interrupt: when the stream ends, and when a handler does.
-    fn raise(self, next: &mut State) {
-        next.pending |= match self {
+    fn raise(self, dma: &mut Dma) {
+        dma.pending |= match self {
             Self::Unseen => false,
-            Self::HalfSeen => next.complete,
-            _ => next.complete || next.failed,
+            Self::HalfSeen => dma.complete,
+            _ => dma.complete || dma.failed,
         };
     }
 }
@@ -362,25 +431,27 @@ impl Service {
 /// What must hold of every step.
 fn check(state: &State, next: &State) -> Result<(), String> {
     // Whatever the stream has still to read is as it was when it was handed over.
-    if let (Some(_), Some(hand)) = (state.stream, next.stream) {
+    if let (Some(_), Some(hand)) = (state.dma.stream, next.dma.stream) {
         for at in hand.offset + hand.moved..hand.offset + hand.len {
             if byte_at(&next.log, at).is_none() {
                 return Err("bytes that the stream has in hand are free to be overwritten".into());
             }
-            if state.stream == next.stream && byte_at(&state.log, at) != byte_at(&next.log, at) {
+            if state.dma.stream == next.dma.stream
+                && byte_at(&state.log, at) != byte_at(&next.log, at)
+            {
                 return Err("bytes were changed while the stream had them in hand".into());
             }
         }
     }
-    let idle = next.handler == Handler::Idle && next.interrupt.is_none() && !next.pending;
-    if idle && next.stream.is_none() {
+    let idle = next.handler == Handler::Idle && !next.dma.pending;
+    if idle && next.dma.stream.is_none() {
         // Nothing will happen until the robot has something to do.
         if !next.log.pending().is_empty() {
             return Err("lines wait and nothing will send them".into());
         }
-        let (read, dropped) = (next.reader, next.log.dropped());
+        let (read, dropped) = (next.dma.reader, next.log.dropped());
         let accounted = u32::from(read.lines) + dropped == u32::from(next.written);
-        if next.failures == 0 && !(accounted && u32::from(read.reported) == dropped) {
+        if next.dma.failures == 0 && !(accounted && u32::from(read.reported) == dropped) {
             return Err("a line was neither sent nor counted as dropped".into());
         }
     }
@@ -394,45 +465,42 @@ impl Model for Service {
     fn starts(&self) -> Vec<State> {
         vec![State {
             log: Log::new(),
-            sending: 0,
+            transmitter: Transmitter::IDLE,
             handler: Handler::Idle,
-            interrupt: None,
             working_copy: None,
-            stream: None,
-            complete: false,
-            failed: false,
-            pending: false,
-            reader: Reader {
-                line: [0; LONGEST],
-                len: 0,
-                lines: 0,
-                reported: 0,
-                next: 0,
-                doubtful: false,
-                lossy: false,
+            dma: Dma {
+                stream: None,
+                complete: false,
+                failed: false,
+                pending: false,
+                reader: Reader {
+                    line: [0; LONGEST],
+                    len: 0,
+                    lines: 0,
+                    reported: 0,
+                    next: 0,
+                    doubtful: false,
+                    lossy: false,
+                },
+                failures: 0,
             },
             written: 0,
-            failures: 0,
         }]
     }
 
     fn events(&self, state: &State) -> Vec<Event> {
         let mut events = Vec::new();
         // The stream goes on whatever the processor does.
-        if state.stream.is_some() {
+        if state.dma.stream.is_some() {
             events.push(Event::Move);
-            if state.failures < FAILURES {
+            if state.dma.failures < FAILURES {
                 events.push(Event::Refuse);
             }
         }
-        if state.interrupt.is_some() {
-            // One priority: what runs at it runs to its end, unless that is what is broken.
-            events.push(Event::GoInterrupt);
-            return events;
-        }
+        // One priority: what runs at it runs to its end, unless that is what is broken.
         let between = state.handler == Handler::Idle || *self == Self::Preempting;
-        if state.pending && between {
-            events.push(Event::Interrupt);
+        if state.dma.pending && between {
+            events.extend(self.scripts(state).into_iter().map(Event::Interrupt));
         }
         match state.handler {
             Handler::Idle if state.written < LINES => events.push(Event::Begin),
@@ -442,10 +510,9 @@ impl Model for Service {
                     events.push(Event::Line(Text::Short));
                     events.push(Event::Line(Text::Long));
                 }
-                events.push(Event::End);
+                events.extend(self.scripts(state).into_iter().map(Event::End));
             }
             Handler::WithinLine(_) => events.push(Event::LineEnd),
-            Handler::Servicing(_) => events.push(Event::Go),
         }
         events
     }
@@ -457,14 +524,14 @@ impl Model for Service {
                 line.text(text.letters());
             });
         };
-        match *event {
+        match event {
             Event::Begin => next.handler = Handler::Writing,
             Event::Line(text) if *self == Self::Preempting => {
                 next.working_copy = Some(Box::new(next.log.clone()));
-                next.handler = Handler::WithinLine(text);
+                next.handler = Handler::WithinLine(*text);
             }
             Event::Line(text) => {
-                write(&mut next.log, text);
+                write(&mut next.log, *text);
                 next.written += 1;
             }
             Event::LineEnd => {
@@ -477,56 +544,27 @@ impl Model for Service {
                 next.written += 1;
                 next.handler = Handler::Writing;
             }
-            Event::End => next.handler = Handler::Servicing(Step::AskFailed),
-            Event::Go => {
-                if let Handler::Servicing(step) = state.handler {
-                    if let Some(step) = self.serve(&mut next, step) {
-                        next.handler = Handler::Servicing(step);
-                    } else {
-                        next.handler = Handler::Idle;
-                        self.raise(&mut next);
-                    }
-                }
+            Event::End(script) => {
+                self.serve(&mut next, script)?;
+                next.handler = Handler::Idle;
             }
-            Event::Interrupt => {
-                next.pending = false;
-                next.interrupt = Some(Step::AskFailed);
-            }
-            Event::GoInterrupt => {
-                if let Some(step) = state.interrupt {
-                    next.interrupt = self.serve(&mut next, step);
-                    if next.interrupt.is_none() {
-                        self.raise(&mut next);
-                    }
-                }
+            Event::Interrupt(script) => {
+                next.dma.pending = false;
+                self.serve(&mut next, script)?;
             }
             Event::Move => {
-                if let Some(stream) = &mut next.stream {
-                    let byte = byte_at(&next.log, stream.offset + stream.moved);
-                    stream.moved += 1;
-                    let done = stream.moved == stream.len;
-                    let byte = byte.ok_or("the stream reads what is not in the queue any more")?;
-                    next.reader.read(byte)?;
-                    if done {
-                        next.stream = None;
-                        next.complete = true;
-                        self.raise(&mut next);
-                    }
-                }
+                next.dma.move_byte(&state.log)?;
+                self.raise(&mut next.dma);
             }
             Event::Refuse => {
-                next.failures += 1;
-                next.failed = true;
-                next.reader.doubtful = true;
-                next.reader.lossy = true;
-                next.stream = None;
-                self.raise(&mut next);
+                next.dma.refuse();
+                self.raise(&mut next.dma);
             }
         }
         check(state, &next)?;
-        let read = &next.reader;
+        let read = &next.dma.reader;
         // Dropped, reported, and more lines after that, one across the ring's end; a transfer failed.
-        let rare = next.failures > 0 && !read.doubtful && read.reported > 0;
+        let rare = next.dma.failures > 0 && !read.doubtful && read.reported > 0;
         let after = rare && read.line[0] == b'I' && read.lines >= 2;
         if *self == Self::Wanted && after {
             return Err("a line after a report after a failure".into());
@@ -550,7 +588,6 @@ fn log_search_meets_rare_states() {
 fn broken_transmitter_is_found() {
     assert_broken(&[
         (Service::Impatient, "free to be overwritten"),
-        (Service::Restarting, "torn line"),
         (Service::KeepingFlags, "free to be overwritten"),
         (Service::Unseen, "nothing will send"),
         (Service::HalfSeen, "nothing will send"),

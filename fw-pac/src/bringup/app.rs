@@ -2,8 +2,10 @@
 
 use crate::gyro::Gyro;
 use crate::priority::{FrameEnd, Owned, Slot};
+use crate::rangefinders::ECHOES;
 use crate::sequence::{Drivers, Sequence};
-use crate::{rangefinders, tick, watchdog};
+use crate::tick::LATCHED;
+use crate::watchdog;
 use cortex_m::interrupt::free;
 use fw_core::log::Log;
 use fw_core::wire::test_frame;
@@ -31,7 +33,7 @@ impl App {
         let Some(drivers) = self.drivers.get() else {
             return;
         };
-        while let Some(echo) = free(rangefinders::take) {
+        while let Some(echo) = free(|token| ECHOES.borrow(token).take()) {
             self.sequence.on_echo(&echo);
         }
         // SAFETY: the robot's priority, and nothing here raises it again.
@@ -45,7 +47,7 @@ impl App {
             test_frame::encode(standby.number(), standby.bytes());
             standby.submit();
         }
-        if free(tick::take).is_some() {
+        if free(|token| LATCHED.borrow(token).take()).is_some() {
             self.sequence.on_tick(drivers, &mut self.log);
             watchdog::ticked();
         }

@@ -2,10 +2,11 @@
 
 use crate::gyro::Gyro;
 use crate::motors::Motors;
-use crate::rangefinders::{self, Echo};
+use crate::rangefinders;
 use crate::spi::SpiSlave;
 use crate::uart::Uart;
 use crate::{adc, encoders, stack};
+use fw_core::captured::CapturedEcho;
 use fw_core::log::{Level, Log};
 use fw_core::sensing::mpu6050::{BusRequest, BusResult, WHO_AM_I};
 use fw_core::types::{Duty, MotorCommand, RangefinderId};
@@ -118,7 +119,7 @@ impl Sequence {
     }
 
     /// An echo has come back.
-    pub fn on_echo(&mut self, echo: &Echo) {
+    pub fn on_echo(&mut self, echo: &CapturedEcho) {
         if self.step == Step::Echo(echo.which) {
             self.echo_us = Some(echo.fall.since(echo.rise));
         }
