@@ -200,6 +200,11 @@ impl View {
         }
     }
 
+    /// Tiles known of the map.
+    pub fn tiles(&self) -> usize {
+        self.tiles.len()
+    }
+
     /// The map.
     pub fn grid(&self) -> Grid {
         tiles::grid(&self.tiles, self.cell_mm.max(1.0))

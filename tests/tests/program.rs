@@ -251,7 +251,8 @@ fn commands_borrow_the_robot_of_a_server() {
         0 | tour tour | 2 of 2: arrived
         0 | map tour --record drive.mcap | reports over 0.3
         0 | map --from drive.mcap --out again | by odometry alone in again-raw.png
-        0 | goto --map map.yaml 100 0 --start 0,0,0 | arrived at
+        0 | map --served --out live | map of the server in live.png
+        0 | goto --map live.yaml 100 0 --start 0,0,0 | arrived at
         0 | tune rotate --yes --dry-run | not written
         0 | eeprom check | Guarded Velocity
         0 | mode guarded-normal | both ends
@@ -259,10 +260,10 @@ fn commands_borrow_the_robot_of_a_server() {
         0 | --json monitor --count 3 | Guarded Normal
         0 | stop | stopped
         2 | status --seed 3 | --seed is for a new
+        2 | calibrate distance --yes --measure-with truth | end the server
         "#,
     );
     assert!(program.expect(0, "replay drive.mcap").lines().count() > 40);
-    program.expect_each("2 | calibrate distance --yes --measure-with truth | end the server");
     // A measurement that is killed does not leave its mode.
     let mut tune = program.command("tune rotate --yes");
     tune.stdout(Stdio::null()).stderr(Stdio::null());

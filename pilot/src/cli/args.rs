@@ -81,7 +81,7 @@ pub enum Command {
     Goto(Goto),
     /// Drive from way-point to way-point
     Tour(Tour),
-    /// Draw a map (PNG, and PGM + YAML for ROS) while driving, or from a recording
+    /// Draw a map (PNG, and PGM + YAML for ROS) while driving, from a recording or of a server
     Map(Map),
     /// Print the reports of a recording
     Replay(Replay),
@@ -324,8 +324,11 @@ pub struct Tour {
 #[derive(Args)]
 pub struct Map {
     /// Way-points to drive while mapping
-    #[arg(required_unless_present = "from", conflicts_with = "from")]
+    #[arg(required_unless_present_any = ["from", "served"], conflicts_with = "from")]
     pub tour: Option<PathBuf>,
+    /// Save the map that a running `robot serve` has
+    #[arg(long, conflicts_with_all = ["tour", "from", "record", "cell", "tolerance_mm", "tolerance_deg", "timeout"])]
+    pub served: bool,
     /// Draw from a recording instead of driving
     #[arg(long, value_name = "FILE", conflicts_with_all = ["tolerance_mm", "tolerance_deg", "timeout"])]
     pub from: Option<PathBuf>,

@@ -1,4 +1,4 @@
-//! `map`: driven or from a recording.
+//! `map`: driven, from a recording or of a server.
 
 use super::args::Map;
 use super::connection::{Context, interrupt};
@@ -8,15 +8,23 @@ use host_link::file;
 use host_link::session::Session;
 use host_link::snapshot::Snapshot;
 use host_link::statistics::LinkStatistics;
+use pilot::client::View;
 use pilot::exploring::Localisation;
 use pilot::mapping::{self, Files, RangeSample};
 use pilot::recording::{self, Recorder};
+use pilot::serve::protocol::{Message, Request};
 use pilot::waypoints;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
+/// Frames without a new part of the map after which it is whole.
+const WHOLE: u32 = 40;
+
 /// Runs the command.
 pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
+    if map.served {
+        return served(map, context);
+    }
     let (body_mm, cell_mm) = (context.board.body_radius, f64::from(map.cell));
     match (&map.tour, &map.from) {
         (_, Some(file)) => {
@@ -74,6 +82,43 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
             "map needs a tour to drive or --from a recording".into(),
         )),
     }
+}
+
+/// Saves the map of a server.
+// Requirement: SERVE-map-1
+fn served(map: &Map, context: Context<'_>) -> Result<(), Error> {
+    let none = "--served saves the map of a running `robot serve`; none runs for this robot";
+    let server = context.server()?;
+    let mut client = server.ok_or_else(|| Error::Usage(none.into()))?;
+    Files::check(&map.out)?;
+    let interrupt = interrupt()?;
+    // Without a frame there would be none to count.
+    client.status()?;
+    client.request(&Request::Watch { every: 1 })?;
+    let (mut view, mut unchanged) = (View::default(), 0);
+    while unchanged < WHOLE {
+        interrupt.check()?;
+        let Some(message) = client.message()? else {
+            continue;
+        };
+        let known = view.tiles();
+        view.take(&message);
+        let is_frame = matches!(message, Message::Frame(_));
+        unchanged = if view.tiles() > known {
+            0
+        } else {
+            unchanged + u32::from(is_frame)
+        };
+    }
+    if view.tiles() == 0 {
+        let none = "the server has no map yet: its robot has not reported a pose with a range";
+        return Err(Error::Usage(none.into()));
+    }
+    let files = mapping::save_map(&view.grid(), &[], &map.out)?;
+    context.output.result(&json!({ "files": files }), || {
+        let [png, pgm, yaml] = [&files.png, &files.pgm, &files.yaml].map(|file| file.display());
+        format!("map of the server in {png}, {pgm}, {yaml}")
+    })
 }
 
 /// Of the map by odometry alone.
