@@ -193,6 +193,11 @@ pub enum Error {
         /// Names of the latched faults.
         faults: String,
     },
+    /// A rangefinder does not answer, so that what it reports looks like nothing in reach.
+    #[error(
+        "the {0} rangefinder does not answer: check its plug and wires, then run `robot doctor --wheels-up`"
+    )]
+    SilentRangefinder(&'static str),
     /// The STM restarted during a drive, so that where the robot is in the drive's frame is unknown.
     #[error("the STM restarted, which ended the drive: the pose is zero again; its log says why")]
     Restarted,
@@ -251,7 +256,7 @@ impl Error {
             Self::NotReady { .. } => Exit::NotReady,
             Self::Spi(_) | Self::Silent { .. } | Self::ModeMismatch { .. } => Exit::Link,
             Self::NotReached { .. } | Self::Incomplete { .. } => Exit::NotReached,
-            Self::Fault { .. } | Self::Restarted => Exit::Fault,
+            Self::Fault { .. } | Self::SilentRangefinder(_) | Self::Restarted => Exit::Fault,
             Self::Pin { .. } | Self::Device { .. } => Exit::Device,
             Self::Unwritable { .. } => Exit::Output,
             Self::Busy { .. } => Exit::Busy,

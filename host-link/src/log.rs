@@ -2,6 +2,7 @@
 //! any bytes are accepted and only lines of exactly the known form count.
 
 use crate::statistics::{RejectCounts, StmStatistics};
+use fw_core::types::RangefinderId;
 use fw_core::wire::Cause;
 
 /// The longest line kept, bytes; the STM's are shorter.
@@ -27,6 +28,13 @@ pub enum LogLine {
     /// The STM's end of the link, once a second while frames come:
     /// `L <frames> <accepted> <lost> <missed> <gap> <worst> <behind>[ <cause> <count>]…`.
     Link(StmStatistics),
+    /// `<front|right|left> rangefinder <silent|answers>: …`.
+    Rangefinder {
+        /// Which.
+        which: RangefinderId,
+        /// It has missed three echoes in a row; otherwise it answers again.
+        silent: bool,
+    },
     /// Any other line of the log.
     Other,
 }
@@ -91,6 +99,13 @@ fn content(body: &str) -> Option<LogLine> {
         let (tap, ohm) = (u8::try_from(whole(tap)?).ok()?, whole(ohm)?);
         let known = (1..=8).contains(&tap);
         return known.then_some(LogLine::Tuned { tap, ohm });
+    }
+    if let Some((name, rest)) = body.split_once(" rangefinder ") {
+        let named = |which: &RangefinderId| which.name() == name;
+        let which = RangefinderId::ALL.into_iter().find(named)?;
+        let silent = rest.starts_with("silent: ");
+        let known = silent || rest.starts_with("answers: ");
+        return known.then_some(LogLine::Rangefinder { which, silent });
     }
     match body.strip_prefix("L ") {
         Some(counters) => link(counters).map(LogLine::Link),
@@ -162,7 +177,8 @@ mod tests {
     const LOG: &[u8] = b"I00007: ready\nI00008: T -50.00 -0.034\r\nI00009: T 0.00 123456.789\n\
         I00010: tuned tap 2: upper resistor 33120 ohm\nW00011: battery low: charge it\n\
         I00012: L 45 40 1 2 25013 3600000 1 stale 1 crc 3\nI00013: L 40 40 0 - 25013 25013 -\n\
-        E00014: configuration rejected\n";
+        E00014: configuration rejected\nW00015: right rangefinder silent: hits 3, out of range 1, missing 3\n\
+        W00016: left rangefinder answers: hits 1, out of range 0, missing 3\n";
 
     /// What [`LOG`] says; and the statistics of its line 12.
     fn lines() -> (Vec<(u32, LogLine)>, StmStatistics) {
@@ -188,6 +204,7 @@ mod tests {
             ..StmStatistics::default()
         };
         let sample = |percent, value| LogLine::Sample { percent, value };
+        let rangefinder = |which, silent| LogLine::Rangefinder { which, silent };
         let (tap, ohm) = (2, 33_120);
         let lines = vec![
             (7, LogLine::Other),
@@ -198,6 +215,8 @@ mod tests {
             (12, LogLine::Link(disturbed)),
             (13, LogLine::Link(good)),
             (14, LogLine::Other),
+            (15, rangefinder(RangefinderId::Right, true)),
+            (16, rangefinder(RangefinderId::Left, false)),
         ];
         (lines, disturbed)
     }
@@ -295,6 +314,7 @@ mod tests {
         }
         assert!(is_read("T 0.00 -123456789012.345") && !is_read("T 0.00 1234567890123.345"));
         assert!(!is_read("tuned tap 1: upper resistor +1 ohm"));
+        assert!(!is_read("rear rangefinder silent: hits 1") && !is_read("left rangefinder is"));
         assert!(is_read("T 100.00 0.000") && !is_read("T 100.01 0.000"));
     }
 

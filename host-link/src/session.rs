@@ -4,7 +4,7 @@
 use crate::board_io::BoardIo;
 use crate::error::Error;
 use crate::link::Link;
-use crate::log::{LogLine, LogParser};
+use crate::log::LogParser;
 pub use crate::mode_check::MODE_CHECK_FRAMES;
 use crate::mode_check::{ModeCheck, StartFaults};
 use crate::pose::Pose;
@@ -215,7 +215,7 @@ impl<'m> Session<'m> {
         }
     }
 
-    /// Reads the STM's log for the counters of its end, [`Snapshot::stm`], and returns the bytes read. A
+    /// Reads the STM's log for [`Snapshot::stm`] and [`Snapshot::silent`], and returns the bytes read. A
     /// failure ends the reading and is kept in [`Self::log_error`].
     pub fn poll_log(&mut self) -> Vec<u8> {
         if self.log_error.is_some() {
@@ -225,9 +225,7 @@ impl<'m> Session<'m> {
         self.log_error = bytes.as_ref().err().map(ToString::to_string);
         let bytes = bytes.unwrap_or_default();
         for (_, line) in self.lines.feed(&bytes) {
-            if let LogLine::Link(link) = line {
-                self.snapshot.stm = Some(link);
-            }
+            self.snapshot.take_line(line);
         }
         bytes
     }

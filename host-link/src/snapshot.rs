@@ -1,5 +1,6 @@
 //! The latest of everything the robot reported, in physical units: what `monitor` shows.
 
+use crate::log::LogLine;
 use crate::pose::Pose;
 use crate::statistics::{LinkStatistics, StmStatistics};
 use fw_core::eeprom::Config;
@@ -49,6 +50,10 @@ pub struct Snapshot {
     pub link: LinkStatistics,
     /// The counters of the STM's end; none without its log.
     pub stm: Option<StmStatistics>,
+    /// Rangefinders that have not answered, front, right, left, as the log says: what they report looks like nothing
+    /// in reach.
+    #[serde(default)]
+    pub silent: [bool; 3],
     /// The latest gyro code, and the codes since the first without their wrap.
     #[serde(skip)]
     gyro: Option<(i32, i64)>,
@@ -107,7 +112,19 @@ impl Snapshot {
             self.faults = faults;
             (self.obstacle_limited, self.clipped) = (report.obstacle_limited, report.clipped);
         }
+        if self.restarted {
+            self.silent = [false; 3];
+        }
         self.gyro_turns = (report.gyro != GyroCode::NONE).then(|| self.unwrap_gyro(report.gyro.0));
+    }
+
+    /// Takes over a line of the STM's log.
+    pub fn take_line(&mut self, line: LogLine) {
+        match line {
+            LogLine::Link(link) => self.stm = Some(link),
+            LogLine::Rangefinder { which, silent } => self.silent[which as usize] = silent,
+            _ => {}
+        }
     }
 
     /// Whether the pose is farther from this earlier one than the robot can have driven or turned.
@@ -169,6 +186,7 @@ fn known_faults<'de, D: Deserializer<'de>>(value: D) -> Result<Vec<&'static str>
 mod tests {
     use super::*;
     use fw_core::eeprom::{Image, fields};
+    use fw_core::types::RangefinderId;
 
     /// Of Guarded Velocity, before a report.
     fn before() -> Snapshot {
@@ -242,6 +260,11 @@ mod tests {
             (25_000, [0.0, 0.0], [restarted, restarted], false),
         ] {
             let mut snapshot = before();
+            let (front, left) = (RangefinderId::Front, RangefinderId::Left);
+            for (which, silent) in [(front, true), (left, true), (front, false)] {
+                snapshot.take_line(LogLine::Rangefinder { which, silent });
+            }
+            assert_eq!(snapshot.silent, [false, false, true]);
             let second = (us, Pose::new(x, 0.0, deg));
             for ((us, pose), faults) in [(0, Pose::default()), second].into_iter().zip(faults) {
                 let report = Report {
@@ -252,6 +275,8 @@ mod tests {
                 snapshot.update(us, &report, LinkStatistics::default());
             }
             assert_eq!(snapshot.restarted, is_restart, "{x} mm, {deg}°, {faults:?}");
+            // What the log of a new start does not repeat is over.
+            assert_eq!(snapshot.silent[2], !is_restart);
         }
     }
 

@@ -4,6 +4,7 @@
 //! Nothing here knows the room: the loop is the same on the real robot and on the virtual one.
 
 mod config;
+mod stops;
 
 pub use config::{ensure_velocity, localiser_config, navigator_config};
 
@@ -12,16 +13,17 @@ use crate::mapping::{self, Files, Mapping, RangeSample};
 use cpu_time::ThreadTime;
 use fw_core::eeprom::Config;
 use fw_core::types::Faults;
-use fw_core::wire::{Order, Report, State};
+use fw_core::wire::{Order, Report};
 use host_link::error::Error;
 use host_link::pose::Pose;
 use host_link::session::{CommandRequest, Session, VelocityRequest};
-use host_link::snapshot::{self, Snapshot};
+use host_link::snapshot::Snapshot;
 use mapper::{Grid, Localiser, Observation, Pose2, PoseEstimate};
-use navigator::{Action, Explorer, GoTo, Outcome, Status, StopReason, Velocity};
+use navigator::{Action, Explorer, GoTo, Outcome, Status, Velocity};
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
+use stops::Stops;
 
 /// Chooses the next velocity: exploring, or going to a point.
 pub trait Plan: Send {
@@ -185,6 +187,7 @@ pub fn drive(
             continue;
         };
         let session = &mut *moving.session;
+        session.poll_log();
         let Some(sample) = RangeSample::of(session.snapshot()) else {
             continue;
         };
@@ -255,7 +258,7 @@ impl PlanRunner {
             ranges_mm: sample.ranges_mm,
             front_bearing_rad: sample.bearing_deg.unwrap_or_default().to_radians(),
             obstacle_limited: report.obstacle_limited,
-            stop: self.stops.update(report, self.time_s)?,
+            stop: self.stops.update(report, sample, self.time_s)?,
         };
         if report.faults.intersects(Faults::BATTERY_LOW) {
             plan.recall();
@@ -322,59 +325,6 @@ pub fn locate(
         if !is_lost || again.next().is_none() {
             return Ok(driven);
         }
-    }
-}
-
-/// Faults that a plan answers by another way.
-const STALLS: Faults = Faults::LEFT_STALLED
-    .union(Faults::RIGHT_STALLED)
-    .union(Faults::LEFT_REVERSED)
-    .union(Faults::RIGHT_REVERSED)
-    .union(Faults::ENCODER_JUMP);
-
-/// A slip that is latched again so soon after it was cleared has not ended, s.
-const SLIP_LASTS_S: f64 = 1.0;
-
-/// Reads stops out of the reported state and faults.
-#[derive(Default)]
-struct Stops {
-    count: u32,
-    stopped: bool,
-    slipped_s: Option<f64>,
-    /// Reports in a row that show a slip: what clears it is on its way in the second one, whenever that comes.
-    slips: u32,
-}
-
-impl Stops {
-    /// The stop that a report shows, if it does.
-    ///
-    /// # Errors
-    /// [`Error::Fault`] where driving on needs a person.
-    fn update(&mut self, report: &Report, time_s: f64) -> Result<Option<StopReason>, Error> {
-        let is_held = matches!(report.state, State::Stopped | State::Faulted);
-        let beyond_plans = (report.faults & Faults::BLOCKING).difference(STALLS);
-        if is_held && !beyond_plans.is_empty() {
-            return Err(Error::Fault {
-                state: report.state.name(),
-                faults: snapshot::fault_names(report.faults).join(", "),
-            });
-        }
-        let slips = report.faults.intersects(Faults::SLIP);
-        let since_s = self.slipped_s.map_or(f64::INFINITY, |then| time_s - then);
-        let again = self.slips != 1 && (0.1..SLIP_LASTS_S).contains(&since_s);
-        self.slips = if slips { self.slips + 1 } else { 0 };
-        self.slipped_s = slips.then_some(time_s).or(self.slipped_s);
-        let reason = if !is_held {
-            // A wheel that slips over a sill is what the localiser is for.
-            (slips && again).then_some(StopReason::Slip)
-        } else if report.faults.intersects(STALLS) {
-            Some(StopReason::Stall)
-        } else {
-            Some(StopReason::Link)
-        };
-        let stopped = std::mem::replace(&mut self.stopped, reason.is_some());
-        self.count += u32::from(self.stopped && !stopped);
-        Ok(reason)
     }
 }
 

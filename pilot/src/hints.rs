@@ -1,8 +1,9 @@
 //! What counters and faults indicate, as sentences with what to check.
 
 use fw_core::eeprom::Config;
-use fw_core::types::Faults;
+use fw_core::types::{Faults, RangefinderId};
 use fw_core::wire::Cause;
+use host_link::error::Error;
 use host_link::snapshot::Snapshot;
 use host_link::statistics::RejectCounts;
 use host_link::uart::BAUD;
@@ -37,6 +38,13 @@ pub fn diagnose(snapshot: &Snapshot, config: &Config) -> Vec<String> {
         if recent_us >= near_us {
             hints.push(gap("the STM's frames", recent_us, deadline_ms));
         }
+    }
+    for (which, _) in RangefinderId::ALL
+        .iter()
+        .zip(snapshot.silent)
+        .filter(|one| one.1)
+    {
+        hints.push(Error::SilentRangefinder(which.name()).to_string());
     }
     for fault in Faults::TABLE {
         if snapshot.faults.contains(&fault.name) {
@@ -191,6 +199,7 @@ mod tests {
         let stm = snapshot.stm.as_mut().unwrap();
         (stm.recent_gap_us, stm.lost) = (125_000, 1);
         snapshot.faults = vec!["link-lost", "battery-low"];
+        snapshot.silent[2] = true;
         let hints = diagnose(&snapshot, &first_board()).join("\n");
         for expected in [
             "missed 2 replies",
@@ -199,6 +208,7 @@ mod tests {
             "the STM's frames were up to 125 ms",
             "a drive clears a lost link",
             "charge the battery",
+            "the left rangefinder does not answer",
         ] {
             assert!(hints.contains(expected), "{expected}: {hints}");
         }

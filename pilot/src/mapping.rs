@@ -23,6 +23,9 @@ pub struct RangeSample {
     pub bearing_deg: Option<f64>,
     /// Guarded Velocity: the gyro's own angle, degrees.
     pub gyro_deg: Option<f64>,
+    /// See [`Snapshot::silent`].
+    #[serde(skip)]
+    pub silent: [bool; 3],
 }
 
 impl RangeSample {
@@ -34,6 +37,7 @@ impl RangeSample {
             ranges_mm: snapshot.ranges_mm,
             bearing_deg: snapshot.bearing_deg,
             gyro_deg: snapshot.gyro_turns.map(|turns| turns * 360.0),
+            silent: snapshot.silent,
         })
     }
 }
@@ -296,7 +300,7 @@ mod tests {
                 pose: Pose::new(0.0, y_mm, 0.0),
                 ranges_mm: [Some(1000.0 - y_mm), Some(700.0 + y_mm), None],
                 bearing_deg: Some(90.0),
-                gyro_deg: None,
+                ..RangeSample::default()
             });
         }
         let grid = mapping.mapper().grid();

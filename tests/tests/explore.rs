@@ -1,6 +1,7 @@
 //! Exploring on the virtual board: a small room that the robot does not know, in an imperfect world,
 //! and what goes wrong on the way.
 
+use host_link::error::Error;
 use mapper::{Cell, Grid, Point};
 use pilot::calibrate::explored::Explored;
 use pilot::calibrate::wheel_geometry::WheelGeometry;
@@ -76,6 +77,28 @@ fn jam_slip_and_silence_are_answered_and_room_is_mapped() {
     });
     assert!(figures.stops >= 2, "{}", figures.stops);
     assert!(figures.position_error_mm_max < 150.0 && figures.heading_error_deg_max < 8.0);
+}
+
+// Requirement: NAV-recovery-1
+#[test]
+fn rangefinder_that_stays_unplugged_ends_the_drive_by_its_name() {
+    let mut options = exploration::options(&small_room(), Imperfections::default(), 25);
+    let settings = exploration::settings().expect("accepted");
+    options.eeprom = Some(settings.image().0.to_vec());
+    let rig = Rig::new(options);
+    let mut time_s = 0.0;
+    let run = exploration::explore(&mut rig.io(), &rig, |_| {
+        time_s += 1.0 / 40.0;
+        // A loose contact for 2 s is none.
+        let unplugged = (10.0..12.0).contains(&time_s) || time_s > 20.0;
+        rig.set_faults(move |faults: &mut Faults| faults.unplugged[1] = unplugged);
+    });
+    let drive = run.expect("a session").drive;
+    let named = matches!(drive, Err(Error::SilentRangefinder("right")));
+    assert!(
+        named && (23.0..25.0).contains(&time_s),
+        "{drive:?} after {time_s} s"
+    );
 }
 
 // Requirement: NAV-explore-1

@@ -15,6 +15,7 @@ fn samples() -> Vec<RangeSample> {
         ranges_mm: [Some(1234.5), None, Some(80.0)],
         bearing_deg: n.is_multiple_of(2).then(|| f64::from(n % 60) - 30.0),
         gyro_deg: (n > 3 && n != 50).then(|| f64::from(n) * 20.0),
+        silent: [false; 3],
     };
     (0..200).map(sample).collect()
 }
