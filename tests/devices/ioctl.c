@@ -12,6 +12,7 @@
 #include <pthread.h>
 #include <stdarg.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/ioctl.h>
@@ -198,6 +199,19 @@ int ioctl(int fd, unsigned long request, ...) {
     pthread_mutex_unlock(&lock);
     errno = cause;
     return result;
+}
+
+// Names the file or folder before it syncs it.
+int fsync(int fd) {
+    char link[32], name[4096];
+    snprintf(link, sizeof link, "/proc/self/fd/%d", fd);
+    ssize_t count = readlink(link, name, sizeof name);
+    pthread_mutex_lock(&lock);
+    length = 0;
+    put(name, count > 0 ? (uint32_t)count : 0);
+    ask('F', 0);
+    pthread_mutex_unlock(&lock);
+    return (int)syscall(SYS_fsync, fd);
 }
 
 int close(int fd) {

@@ -47,6 +47,8 @@ struct State {
     keeps_levels: bool,
     log: File,
     logged: usize,
+    /// Names of the files and folders that the program has synced.
+    synced: Vec<String>,
 }
 
 /// Device files in a folder, and the board behind them.
@@ -89,6 +91,7 @@ impl PiDevices {
             keeps_levels,
             log: log.open(folder.join("serial0"))?,
             logged: 0,
+            synced: Vec::new(),
         };
         let state = Arc::new(Mutex::new(state));
         let listener = UnixListener::bind(folder.join("socket"))?;
@@ -137,6 +140,11 @@ impl PiDevices {
     pub fn spi_settings(&self) -> (Option<u32>, Option<u32>, u64) {
         let state = lock(&self.state);
         (state.spi_mode, state.spi_bits, state.spi_hz)
+    }
+
+    /// Names of the files and folders synced so far, in order.
+    pub fn synced(&self) -> Vec<String> {
+        lock(&self.state).synced.clone()
     }
 
     /// Levels of RESET, SELECT and `WP_EEPROM`.
@@ -213,6 +221,11 @@ impl State {
             b'P' => self.drive(number, bytes[0] != 0)?,
             b'L' => self.request(number, bytes)?,
             b'R' => self.release(number),
+            b'F' => {
+                let path = String::from_utf8_lossy(bytes);
+                let name = path.rsplit('/').next().unwrap_or_default();
+                self.synced.push(name.to_owned());
+            }
             _ => return Err(EINVAL),
         }
         Ok(Vec::new())

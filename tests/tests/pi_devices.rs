@@ -90,6 +90,13 @@ fn commands_configure_and_drive_through_device_files() {
         }
         pi.configure();
         assert_eq!(pi.devices.levels(), IDLE);
+        // The configuration, then the EEPROM's content before the write, each with its folder; the journal's
+        // new name after the write.
+        let folder = pi.folder.path().file_name().and_then(|name| name.to_str());
+        let folder = folder.expect("a name");
+        let before = ".robot-spidev0.0-eeprom.before.robot-new";
+        let synced = [".robot.toml.robot-new", folder, before, folder, folder];
+        assert_eq!(pi.devices.synced(), synced);
         let start = pi.devices.board.truth().pose;
         for (words, expected) in [
             ("eeprom check", "Guarded Velocity"),
