@@ -17,15 +17,19 @@ const JOURNAL: &str = "eeprom.bin.eeprom.before";
 struct Program(TempDir);
 
 impl Program {
-    /// A blank one.
+    /// A blank one, with the sample configuration in robot.toml, and with a servo in second.toml.
     fn blank() -> Self {
-        Self(tempfile::tempdir().expect("a folder"))
+        let program = Self(tempfile::tempdir().expect("a folder"));
+        program.expect(0, "eeprom init robot.toml");
+        let first = fs::read_to_string(program.file("robot.toml")).expect("there");
+        let second = first.replace("servo = false", "servo = true");
+        fs::write(program.file("second.toml"), second).expect("written");
+        program
     }
 
     /// With the sample configuration.
     fn configured() -> Self {
         let program = Self::blank();
-        program.expect(0, "eeprom init robot.toml");
         program.expect_each("0 | eeprom write robot.toml | 0x0000 to 0x000C differ");
         program
     }
@@ -160,9 +164,6 @@ fn senseless_drives_are_refused_before_they_move() {
 #[test]
 fn configuration_is_compared_saved_and_brought_back() {
     let program = Program::configured();
-    let first = fs::read_to_string(program.file("robot.toml")).expect("there");
-    let second = first.replace("servo = false", "servo = true");
-    fs::write(program.file("second.toml"), second).expect("written");
     program.expect_each(
         "
         0 | eeprom diff robot.toml | no difference
@@ -245,8 +246,8 @@ fn commands_borrow_the_robot_of_a_server() {
     let _server = program.serve();
     program.expect_each(
         r#"
-        0 | eeprom init robot.toml | written
         0 | eeprom diff robot.toml | no difference
+        0 | eeprom write second.toml | 5 bytes written
         0 | --json doctor | "failed":0
         0 | tour tour | 2 of 2: arrived
         0 | map tour --record drive.mcap | reports over 0.3
@@ -255,9 +256,9 @@ fn commands_borrow_the_robot_of_a_server() {
         0 | goto --map live.yaml 100 0 --start 0,0,0 | arrived at
         0 | tune rotate --yes --dry-run | not written
         0 | eeprom check | Guarded Velocity
-        0 | mode guarded-normal | both ends
+        0 | mode guarded-sweep | both ends
         0 | goto 100 0 0 | arrived at
-        0 | --json monitor --count 3 | Guarded Normal
+        0 | --json monitor --count 3 | Guarded Sweep
         0 | stop | stopped
         2 | status --seed 3 | --seed is for a new
         2 | calibrate distance --yes --measure-with truth | end the server
@@ -279,7 +280,7 @@ fn commands_borrow_the_robot_of_a_server() {
     fs::write(program.file("blank.bin"), [0xFF; 1024]).expect("written");
     program.expect_each(
         "
-        0 | eeprom check | Guarded Normal
+        0 | eeprom check | Guarded Sweep
         6 | eeprom restore blank.bin | READY
         7 | stop | cannot be reached
         7 | monitor --count 1 | READY
@@ -345,9 +346,6 @@ fn killed_commands_leave_nothing_half_written() {
     let kills = std::env::var(KILLS).map_or(8, |kills| kills.parse().expect("a number"));
     let program = Program::configured();
     fs::write(program.file("tour"), "60 0 0\n0 0 0\n").expect("written");
-    let first = fs::read_to_string(program.file("robot.toml")).expect("there");
-    let second = first.replace("servo = false", "servo = true");
-    fs::write(program.file("second.toml"), second).expect("written");
     let old = program.expect(0, "eeprom dump");
     let write = |words: &str| {
         let begun = Instant::now();
