@@ -144,6 +144,7 @@ fn senseless_drives_are_refused_before_they_move() {
         2 | --rate 7 monitor | would come 142 ms apart
         2 | bringup robot.toml --link | --link
         2 | map --from drive.mcap --timeout 2 | --timeout
+        2 | map --served | none runs
         11 | map tour | map.png
         11 | explore --out plan | explored.json
         2 | map tour --out plan --record plan.pgm | plan.pgm would be written twice
