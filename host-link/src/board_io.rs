@@ -200,7 +200,7 @@ fn line_disturbed_twice_is_driven_and_three_times_an_error() {
 }
 
 #[test]
-fn interrupt_guard_raises_when_dropped() {
+fn interrupt_is_raised_by_its_guard_and_its_flag() {
     let interrupt = Interrupt::new();
     let guard = interrupt.raised_on_drop();
     assert_eq!(interrupt.check(), Ok(()));
@@ -209,4 +209,7 @@ fn interrupt_guard_raises_when_dropped() {
     for _ in 0..2 {
         assert_eq!(interrupt.check(), Err(Error::Interrupted));
     }
+    let signalled = Interrupt::new();
+    signalled.flag().store(true, Ordering::Relaxed);
+    assert_eq!(signalled.check(), Err(Error::Interrupted));
 }

@@ -260,6 +260,7 @@ fn restart_shows_by_a_reply_number_beyond_the_frames_sent() {
         let mode = Mode::GuardedVelocity.code().into();
         let image = fw_core::eeprom::Image::FIRST_BOARD.with(fw_core::eeprom::fields::MODE, mode);
         let mut link = Link::new(&Config::decode(&image).unwrap());
+        link.counted.frames = 50;
         link.check_number(before);
         assert!(!link.restarted);
         link.counted.frames += sent;

@@ -312,16 +312,13 @@ impl<'m> Session<'m> {
         Ok((seen, logged, ended))
     }
 
-    /// In guarded modes: clears the fault of the silence before this session and resumes. In Normal
-    /// mode the first frame with the apply bit does that.
+    /// Clears the fault of the silence before this session and resumes. In Normal mode, whose replies show
+    /// neither state nor faults, the first frame with the apply bit does that.
     ///
     /// # Errors
     /// Those of [`Self::exchange`]; [`Error::Fault`] if the robot stays stopped or is faulted.
     pub fn resume(&mut self) -> Result<(), Error> {
         let mut report = self.wait_for_reply()?;
-        if !self.config.mode().has(Field::Status) {
-            return Ok(());
-        }
         for _ in 0..RESUME_FRAMES {
             if report.state != State::Stopped && !report.faults.intersects(Faults::LINK_LOST) {
                 break;
