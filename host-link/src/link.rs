@@ -227,6 +227,7 @@ fn round_trip_ends_at_first_confirming_reply() {
         trip.sent(at);
         trip.seen(u8::try_from(seen & 0xFF).unwrap(), at + 60);
         assert_eq!(trip.latest_us, latest_us, "{seen}");
+        assert!(trip.worst_us >= trip.latest_us);
     };
     // 77 is of another session, and not of this one's 77th frame.
     frame(77, None);

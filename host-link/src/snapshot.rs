@@ -251,6 +251,8 @@ mod tests {
     fn restart_shows_by_its_fault_or_the_pose() {
         let (restarted, none) = (Faults::RESTARTED, Faults::NONE);
         for (us, [x, deg], faults, is_restart) in [
+            (0, [150.0, 0.0], [none, none], false),
+            (0, [0.0, -90.0], [none, none], false),
             (25_000, [150.0, 0.0], [none, none], false),
             (25_000, [155.0, 0.0], [none, none], true),
             (1_000_000, [300.0, 0.0], [none, none], false),

@@ -58,6 +58,9 @@ fn save_replaces_its_kind_and_follows_no_planted_link() {
     check(&map, Kind::Pgm).unwrap();
     assert_eq!(fs::read(&victim).unwrap(), b"kept");
     assert_eq!(names(here), ["map.pgm", "victim"]);
+    let token = here.join("token");
+    save(&token, Kind::Token, b"secret").unwrap();
+    assert_eq!(fs::metadata(&token).unwrap().mode() & 0o077, 0);
 }
 
 #[test]

@@ -174,7 +174,11 @@ mod tests {
         for (from, to, expected) in [
             ("cells = 2", "cells = 300", cells),
             ("cells = 2", "cellz = 2", "unknown key battery.cellz"),
-            ("[pid.forward]", "[pod.forward]", "unknown key pod:"),
+            (
+                "[pid.forward]",
+                "[pod.forward]",
+                "unknown key pod: accepted here are link, pid, battery, platform",
+            ),
             ("mode = \"Normal\"", "mode = \"Normla\"", mode),
             ("servo = false", "servo = 0", servo),
             ("_ms = 250", "_ms = 70000", "a whole number from 20 to 2000"),
@@ -209,6 +213,13 @@ mod tests {
             let expected = format!("{key} is missing: {help}");
             assert!(missing.contains(&expected), "{missing}");
         }
+        // A wrong value is not also one that another key forbids.
+        let text = render(&first()).replace("mode = \"Normal\"", "mode = 0x20");
+        let of = |servo| match parse(&text.replace("servo = false", servo)) {
+            Err(Error::Content { faults, .. }) => faults.len(),
+            other => panic!("{other:?}"),
+        };
+        assert_eq!(["servo = false", "servo = 0"].map(of), [1, 1]);
         let by_number = render(&first()).replace("mode = \"Normal\"", "mode = 0");
         assert_eq!(parse(&by_number).unwrap(), first());
     }

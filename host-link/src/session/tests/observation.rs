@@ -39,3 +39,14 @@ fn observation_ends_with_its_time_or_an_error() {
     session.io().interrupt.raise();
     assert_eq!(session.observe(500_000), Err(Error::Interrupted));
 }
+
+#[test]
+fn round_trip_is_right_after_failed_transfers() {
+    let (board, mut io) = mock_board(&image_in(Mode::GuardedNormal), None);
+    let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+    for fault in [None, Some(IoFault::BusesFail(0)), None] {
+        board.borrow_mut().fault = fault;
+        (0..5).for_each(|_| drop(session.exchange(&CommandRequest::default())));
+    }
+    assert_eq!(session.statistics().round_trip_us, Some(25_001));
+}
