@@ -8,6 +8,7 @@ use embedded_hal::spi::SpiDevice;
 use fw_core::eeprom::{Image, fields};
 use fw_core::wire::Mode;
 use host_link::board_io::{BoardIo, Interrupt};
+use object::{Object, ObjectSection};
 use pilot::virtual_board::board_io;
 use twin::components::eeprom::Eeprom;
 use twin::plant::{Pose2, Room, Sides};
@@ -133,6 +134,16 @@ pub fn elf(variable: &str) -> Vec<u8> {
             path.display()
         )
     })
+}
+
+/// The ELF with the NMI's handler as that of I2C1's errors, for [`Board::stop_crystal`]: the emulated core has no line
+/// to its NMI.
+pub fn elf_of_mortal_crystal(mut elf: Vec<u8>) -> Vec<u8> {
+    let file = object::File::parse(&*elf).expect("an ELF");
+    let vectors = file.section_by_name(".vector_table").expect("vectors");
+    let at = usize::try_from(vectors.file_range().expect("in the file").0).expect("an offset");
+    elf.copy_within(at + 4 * 2..at + 4 * 3, at + 4 * (16 + 32));
+    elf
 }
 
 /// A robot under test: a [`Board`] with a firmware.

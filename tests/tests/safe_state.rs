@@ -7,7 +7,7 @@ use object::{Object, ObjectSection, ObjectSymbol};
 use robot_tests::reference::original_image;
 use robot_tests::stack::Stack;
 use robot_tests::test_board::{
-    ELF, ELF_OVERFLOW, ELF_PANIC, Rig, TIM5_CCR1, ahead, elf, take_writes,
+    ELF, ELF_OVERFLOW, ELF_PANIC, Rig, TIM5_CCR1, ahead, elf, elf_of_mortal_crystal, take_writes,
 };
 use twin::{Options, ResetSource};
 
@@ -228,14 +228,8 @@ fn reset_by_the_core_is_a_failure_where_the_safe_state_made_it() {
     }
 }
 
-/// Driving, with the NMI's handler as that of I2C1's errors: the emulated core has no line to its NMI.
 fn with_crystal_that_dies() -> Rig {
-    let mut elf = elf(ELF);
-    let file = object::File::parse(&*elf).expect("an ELF");
-    let vectors = file.section_by_name(".vector_table").expect("vectors");
-    let at = usize::try_from(vectors.file_range().expect("in the file").0).expect("an offset");
-    elf.copy_within(at + 4 * 2..at + 4 * 3, at + 4 * (16 + 32));
-    let rig = with_original_image(&elf);
+    let rig = with_original_image(&elf_of_mortal_crystal(elf(ELF)));
     rig.assert_ready();
     rig.drive_off();
     rig

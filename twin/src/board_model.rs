@@ -48,6 +48,8 @@ pub struct Ping {
     pub robot: Pose2,
     /// The range that a sensor without errors measures, millimetres.
     pub range_mm: Option<f64>,
+    /// How long its echo takes, µs, as its line shows where no other sensor's comes first.
+    pub echo_us: Option<f64>,
 }
 
 /// The board and the world around the microcontroller.
@@ -245,14 +247,15 @@ impl BoardModel {
     /// Sends a burst. Its echo reaches every sensor that listens when it returns, whatever its
     /// direction: stronger crosstalk than in a real room.
     fn ping(&mut self, nth: usize, at: u64) {
+        let echo_us = self.world.echo_us(nth);
         self.pings.push(Ping {
             at_ns: at,
             sensor: nth,
             bearing_rad: self.world.mount(nth).bearing_rad,
             robot: self.at(at).0,
             range_mm: self.world.true_range_mm(nth),
+            echo_us,
         });
-        let echo_us = self.world.echo_us(nth);
         let returns = self.rangefinders[nth].measure(at, echo_us);
         self.echoes.retain(|&(returns, _)| returns >= at);
         for &(returns, _) in self.echoes.iter().filter(|echo| echo.1 != nth) {

@@ -93,6 +93,7 @@ impl Tracer {
             at_ns: access.virtual_time.0,
             register: access.address,
             written: (access.kind == AccessKind::Write).then_some(value),
+            value,
             instruction: access.program_counter.unwrap_or_default(),
             bytes: bytes.filter_map(|byte| byte.try_into().ok()).collect(),
         });

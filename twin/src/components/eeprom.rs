@@ -37,6 +37,9 @@ pub struct Eeprom {
     busy_until: u64,
     /// The write-protect pin is high.
     pub write_protected: bool,
+    /// A cell that no longer holds its charge: its address, and whether its lowest bit was wrong when it was last
+    /// read, as it is every other time.
+    pub weak: Option<(usize, bool)>,
     writes: u64,
 }
 
@@ -52,6 +55,7 @@ impl Eeprom {
             latch: Vec::new(),
             busy_until: 0,
             write_protected: true,
+            weak: None,
             writes: 0,
         }
     }
@@ -108,7 +112,11 @@ impl Eeprom {
 
     /// A byte to the controller.
     pub fn read(&mut self) -> u8 {
-        let byte = self.bytes[self.pointer];
+        let mut byte = self.bytes[self.pointer];
+        if let Some((_, wrong)) = self.weak.as_mut().filter(|weak| weak.0 == self.pointer) {
+            *wrong = !*wrong;
+            byte ^= u8::from(*wrong);
+        }
         self.pointer = (self.pointer + 1) % SIZE;
         byte
     }

@@ -58,6 +58,8 @@ pub enum Mpu6050Fault {
     Frozen,
     /// Its rate is off by this, °/s.
     Offset(i16),
+    /// The same, and every quarter of a second the other way round.
+    Jumps(i16),
     /// `WHO_AM_I` has another value.
     WrongId(u8),
 }
@@ -155,6 +157,8 @@ impl Mpu6050 {
             let noise = self.params.noise_deg_s * self.rng.normal();
             let offset = match self.fault {
                 Mpu6050Fault::Offset(offset) => f64::from(offset),
+                Mpu6050Fault::Jumps(by) if now / 250_000_000 % 2 == 0 => f64::from(by),
+                Mpu6050Fault::Jumps(by) => f64::from(-by),
                 _ => 0.0,
             };
             let rate = self.params.reading_deg_s(self.lags[1], now as f64 / 1e9) + noise + offset;

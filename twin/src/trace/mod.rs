@@ -75,6 +75,8 @@ pub struct Snapshot {
     pub register: u64,
     /// The value written; none for a read.
     pub written: Option<u64>,
+    /// The value written or read.
+    pub value: u64,
     /// The address of the accessing instruction.
     pub instruction: u64,
     /// The memory's bytes.

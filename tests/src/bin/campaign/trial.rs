@@ -8,10 +8,15 @@ use fw_core::wire::{Command, MAX_FRAME, Mode, Order, PiLink, Report, State};
 use plant::{Pose2, Rng, Room, Sides};
 use robot_tests::linked_robot::velocity;
 use robot_tests::wires::{first_bits, selected};
+use twin::components::eeprom::Eeprom;
+use twin::components::i2c_bus::I2cBus;
 use twin::components::spi_master::pack;
-use twin::{Board, Mpu6050Fault, Options};
+use twin::{Board, Options};
 
-use crate::faults::{After, Cause, Frames, HALTED, HIDDEN, Kind, RESTARTING, Sign, reset};
+use crate::faults::{
+    After, Cause, Frames, HALTED, HIDDEN, Kind, RESTARTING, Sign, lies_after_reset, reset,
+};
+use crate::replies::Replies;
 
 /// The first board's stop deadline, a tick, and the millisecond between two looks, microseconds.
 const STOP_US: u64 = 250_000 + 10_000 + 1_000;
@@ -35,6 +40,8 @@ const BEGIN_MS: usize = 600;
 /// A gyroscope that freezes in a turn leads the heading astray until that is noticed, and the position by some
 /// millimetres.
 const POSE_MM: f64 = 10.0;
+/// From an EEPROM's fault to the end of a boot that may have read it before, µs.
+const BOOT_US: u64 = 10_000;
 /// A wheel below this speed stands, °/s: 14 mm/s.
 const STILL_DEG_S: f64 = 20.0;
 /// The controller's two lags of 80 ms and its ramp may overshoot a stop for so long, milliseconds.
@@ -85,6 +92,14 @@ pub struct Trial {
     random: Rng,
     /// What happens to them, each with the others.
     frames: Vec<Frames>,
+    /// What happens each millisecond.
+    each: Vec<fn(&Board, bool)>,
+    replies: Replies,
+    /// What was written to the EEPROM.
+    image: Image,
+    /// When the last fault began, µs, and whether READY was high at the last look.
+    began_us: u64,
+    was_ready: bool,
     command: Command,
     /// The least duty at which the drive monitor judges a wheel.
     judged: Sides<f64>,
@@ -109,8 +124,14 @@ impl Trial {
         let options = Options::with_eeprom(image.0.to_vec()).in_room(Room::default());
         let mut options = options.at(Pose2::default());
         options.seed = seed;
+        let board = Board::new(elf, options)?;
         Ok(Self {
-            board: Board::new(elf, options)?,
+            replies: Replies::new(&board, config.clone()),
+            board,
+            each: Vec::new(),
+            image,
+            began_us: 0,
+            was_ready: false,
             pi: PiLink::new(config.link_setup()),
             random: Rng::new(seed),
             frames: Vec::new(),
@@ -133,6 +154,7 @@ impl Trial {
         match cause {
             Cause::Frames(frames) if on => self.frames.push(frames),
             Cause::Frames(_) => self.frames.clear(),
+            Cause::Each(act) if on => self.each.push(act),
             of_board => of_board.set(&self.board, on),
         }
     }
@@ -179,6 +201,9 @@ impl Trial {
         }
         let reply = miso.get(..len).map(|reply| self.pi.receive(reply));
         let Some(Ok(report)) = reply else { return };
+        for (kind, lie) in self.replies.lies(&self.board, &report) {
+            self.find(kind, lie);
+        }
         self.seen.faults |= report.faults;
         let stopped = matches!(report.state, State::Stopped | State::Faulted);
         let resumed = self.command.order == Order::Resume;
@@ -196,6 +221,10 @@ impl Trial {
                 self.until_frame = if flood { 1 } else { PERIOD_MS };
             }
             self.until_frame -= 1;
+            for act in self.each.clone() {
+                self.board.run_us(self.random.below(500) as u64);
+                act(&self.board, true);
+            }
             self.board.run_us(1_000 - self.board.now_us() % 1_000);
             self.look();
         }
@@ -203,6 +232,21 @@ impl Trial {
 
     fn look(&mut self) {
         let (truth, now) = (self.board.truth(), self.board.now_us());
+        let pins = self.board.world(|world| world.cell_pins());
+        self.replies.pins_v.push(pins);
+        let ready = self.board.is_ready();
+        if ready && !std::mem::replace(&mut self.was_ready, ready) && now > self.began_us + BOOT_US
+        {
+            let written = self.image.0;
+            let differs = move |eeprom: Eeprom| {
+                eeprom.bytes()[..written.len()] != written || eeprom.weak.is_some_and(|weak| weak.1)
+            };
+            let differs = move |bus: &mut I2cBus, _| bus.eeprom.clone().is_some_and(differs);
+            if self.board.i2c_bus(differs) {
+                self.find("a configuration accepted that was not written", ());
+            }
+        }
+        self.was_ready = ready;
         if truth.duty != Sides::default() {
             let silent = self.seen.last_whole.map(|at| now - at);
             if silent.is_none_or(|silent| silent > self.stop_us) {
@@ -240,7 +284,7 @@ impl Trial {
         let may_turn = |kind: &&Kind| match (kind.1, kind.2) {
             // Until it is noticed a failed wheel or a lying gyroscope may turn the robot as it likes; against a
             // push it turns with all its power, and a stop meanwhile overshoots for longer.
-            (Cause::Gyro(Mpu6050Fault::Offset(_)), _) => SLIP_MS,
+            _ if lies_after_reset(kind) => SLIP_MS,
             (_, Sign::Driven(_)) => DRIVEN_MS,
             _ if kind.0 == "robot turned" => OVERSHOOT_MS,
             _ => 0,
@@ -252,15 +296,23 @@ impl Trial {
             _ => 0,
         };
         self.stop_us += kinds.iter().map(later).max().unwrap_or(0);
+        let named = |name| kinds.iter().any(|kind| kind.0 == name);
+        self.replies.cells_unread = named("no conversions") || named("supply low");
+        self.replies.lines_crossed = named("echo lines crossed");
         let mut begin = || u32::try_from(self.random.below(BEGIN_MS)).unwrap_or(0);
-        let mut begins: Vec<_> = kinds.iter().map(|kind| (begin(), kind.1)).collect();
+        let mut begins: Vec<_> = kinds.iter().map(|kind| (begin(), *kind)).collect();
         begins.sort_by_key(|(at, _)| *at);
         let mut passed = 0;
-        for (at, cause) in begins {
+        for (at, kind) in begins {
             self.run_ms(at - passed);
             passed = at;
             self.board.run_us(self.random.below(1_000) as u64);
-            self.set(cause, true);
+            self.set(kind.1, true);
+            if kind.0 == "reset by pin" {
+                // The Pi's own: a stop that was reported ends with it.
+                self.seen.stopped_since = None;
+            }
+            self.began_us = self.board.now_us();
             self.seen.drive = Sides::default();
         }
         self.run_ms(FAULT_MS - passed);
@@ -316,9 +368,10 @@ impl Trial {
             let other = |other: &&&Kind| other.0 != kind.0 && RESTARTING.contains(&other.0);
             let excused = kind.3 == After::Reset && kinds.iter().filter(other).count() > 0;
             let halted = kinds.iter().filter(other).any(|other| other.0 == HALTED);
-            let hidden = kinds
-                .iter()
-                .any(|other| HIDDEN.contains(&(kind.0, other.0)));
+            let hidden = restarted && lies_after_reset(kind)
+                || kinds
+                    .iter()
+                    .any(|other| HIDDEN.contains(&(kind.0, other.0)));
             if !(reported || excused || hidden || halted) {
                 self.find("unreported", kind.0);
             }
