@@ -1,7 +1,7 @@
 //! No reply lies: what the Pi accepts is what the sensors had delivered at the tick whose data it holds, even where they
 //! lie themselves: the counts that the firmware read, the pulses on the echo lines, the battery's voltages.
 
-use fw_core::eeprom::Config;
+use fw_core::eeprom::{Config, Divider};
 use fw_core::motion::Odometry;
 use fw_core::types::Faults;
 use fw_core::wire::{PoseCode, Report};
@@ -21,8 +21,8 @@ const NEAREST_NS: u64 = 130_000;
 const SILENT_NS: u64 = 21 * MS;
 const NEXT_NS: u64 = 78 * MS;
 const OLDEST_NS: u64 = 130 * MS;
-/// From the trigger to the pulse, ns (twin's rangefinder), and half the way of sound at 20 °C, mm/µs.
-const RISE_NS: u64 = 250_000;
+/// From the trigger to the pulse and from its end to the tick, ns, and half the way of sound at 20 °C, mm/µs.
+const RISE_NS: u64 = 250_000 + NEAREST_NS;
 const SOUND: f64 = 0.34342 / 2.0;
 /// The filter has taken in a step of the voltages after so many milliseconds.
 const FILTERED_MS: usize = 2_000;
@@ -55,6 +55,11 @@ fn moved(from: PoseCode, to: PoseCode) -> Pose2 {
         )
     });
     to.relative_to(&from)
+}
+
+/// The voltage of a tap from that of its pin.
+fn tap((volts, divider): (&f64, &Divider)) -> f64 {
+    volts * (1.0 + f64::from(divider.upper.0) / f64::from(divider.lower.0))
 }
 
 impl Replies {
@@ -132,25 +137,33 @@ impl Replies {
                 ));
             }
         }
-        let volts = f64::from(report.cell.voltage) / 200.0;
-        let cells = self.pins_v.iter().rev().take(FILTERED_MS);
-        let taps = |pins: &[f64; 2]| {
-            let divided = |nth: usize| {
-                let divider = self.config.dividers()[nth];
-                pins[nth] * (1.0 + f64::from(divider.upper.0) / f64::from(divider.lower.0))
-            };
-            [divided(0), divided(1) - divided(0)]
+        let nth = usize::from(report.cell.cell);
+        let told = f64::from(report.cell.voltage) / 200.0;
+        let taps = |pins: &[f64; 2]| pins.iter().zip(self.config.dividers()).map(tap).collect();
+        let cell = |taps: Vec<f64>| {
+            (taps[nth] - nth.checked_sub(1).map_or(0.0, |below| taps[below])).max(0.0)
         };
-        let cells = cells.map(|pins| taps(pins)[usize::from(report.cell.cell)].max(0.0) - volts);
-        let [low, high] = cells.fold([1.0, -1.0_f64], |[low, high], off| {
-            [off.min(low), off.max(high)]
+        let cells = self
+            .pins_v
+            .iter()
+            .rev()
+            .take(FILTERED_MS)
+            .map(taps)
+            .map(cell);
+        let [low, high] = cells.fold([f64::MAX, 0.0], |[low, high], volts| {
+            [volts.min(low), volts.max(high)]
         });
-        if due >= 3 && !self.cells_unread && (low > 0.05 || high < -0.05) {
+        if due >= 3 && !self.cells_unread && !(low - 0.05..=high + 0.05).contains(&told) {
             lies.push(("a reply lies about a cell", format!("{:?}", report.cell)));
         }
         lies
     }
 
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "µs"
+    )]
     /// Whether a sensor's last echo, or a newer one than the tick's, is this distance.
     fn has_measured(&self, sensor: usize, told: Option<f64>, due: usize, pings: &[Ping]) -> bool {
         let (boot, data) = (self.ticks[0].0, self.ticks[due].0);
@@ -169,13 +182,9 @@ impl Replies {
             if is_this && age < OLDEST_NS {
                 return true;
             }
-            #[expect(
-                clippy::cast_possible_truncation,
-                clippy::cast_sign_loss,
-                reason = "µs"
-            )]
-            let width = ping.echo_us.map_or(SILENT_NS, |us| (us * 1_000.0) as u64);
-            if age > RISE_NS + width.min(SILENT_NS) + NEAREST_NS {
+            // Of crossed lines the pulse is another's.
+            let us = ping.echo_us.filter(|_| !self.lines_crossed);
+            if age > us.map_or(SILENT_NS, |us| (us * 1e3) as u64).min(SILENT_NS) + RISE_NS {
                 return told.is_none() && age > NEXT_NS;
             }
         }

@@ -5,11 +5,11 @@ use std::error::Error;
 use fw_core::eeprom::{Config, Image, fields};
 use fw_core::types::Faults;
 use fw_core::wire::{Command, MAX_FRAME, Mode, Order, PiLink, Report, State};
-use plant::{Pose2, Rng, Room, Sides};
+use plant::{Pose2, Rng, Sides};
 use robot_tests::linked_robot::velocity;
+use robot_tests::test_board::near_walls;
 use robot_tests::wires::{first_bits, selected};
 use twin::components::eeprom::Eeprom;
-use twin::components::i2c_bus::I2cBus;
 use twin::components::spi_master::pack;
 use twin::{Board, Options};
 
@@ -121,7 +121,7 @@ impl Trial {
         let judged = Sides::new(&fields::DEAD_ZONE_LEFT, &fields::DEAD_ZONE_RIGHT);
         let judged = judged.map(|field| dead_zone(field) + DRIVEN_DUTY);
         let config = Config::decode(&image).map_err(|error| format!("{error:?}"))?;
-        let options = Options::with_eeprom(image.0.to_vec()).in_room(Room::default());
+        let options = Options::with_eeprom(image.0.to_vec()).in_room(near_walls());
         let mut options = options.at(Pose2::default());
         options.seed = seed;
         let board = Board::new(elf, options)?;
@@ -155,7 +155,13 @@ impl Trial {
             Cause::Frames(frames) if on => self.frames.push(frames),
             Cause::Frames(_) => self.frames.clear(),
             Cause::Each(act) if on => self.each.push(act),
-            of_board => of_board.set(&self.board, on),
+            of_board => {
+                if !on {
+                    // All end together.
+                    self.each.clear();
+                }
+                of_board.set(&self.board, on);
+            }
         }
     }
 
@@ -232,17 +238,21 @@ impl Trial {
 
     fn look(&mut self) {
         let (truth, now) = (self.board.truth(), self.board.now_us());
-        let pins = self.board.world(|world| world.cell_pins());
+        let (ready, pins) = self.board.stopped(|stopped| {
+            let mcu = stopped.mcu();
+            (mcu.is_ready(), mcu.board.world.cell_pins())
+        });
         self.replies.pins_v.push(pins);
-        let ready = self.board.is_ready();
-        if ready && !std::mem::replace(&mut self.was_ready, ready) && now > self.began_us + BOOT_US
-        {
+        let started = ready && !std::mem::replace(&mut self.was_ready, ready);
+        if started && now > self.began_us + BOOT_US {
             let written = self.image.0;
-            let differs = move |eeprom: Eeprom| {
+            let differs = move |eeprom: &Eeprom| {
                 eeprom.bytes()[..written.len()] != written || eeprom.weak.is_some_and(|weak| weak.1)
             };
-            let differs = move |bus: &mut I2cBus, _| bus.eeprom.clone().is_some_and(differs);
-            if self.board.i2c_bus(differs) {
+            if self
+                .board
+                .i2c_bus(move |bus, _| bus.eeprom.as_ref().is_some_and(differs))
+            {
                 self.find("a configuration accepted that was not written", ());
             }
         }
