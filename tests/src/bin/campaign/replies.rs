@@ -1,10 +1,10 @@
 //! No reply lies: what the Pi accepts is what the sensors had delivered at the tick whose data it holds, even where they
 //! lie themselves: the counts that the firmware read, the pulses on the echo lines, the battery's voltages.
 
-use fw_core::eeprom::{Config, Divider};
+use fw_core::eeprom::Config;
 use fw_core::motion::Odometry;
 use fw_core::types::Faults;
-use fw_core::wire::{PoseCode, Report};
+use fw_core::wire::{CellCode, DistanceCode, PoseCode, Report};
 use plant::Pose2;
 use twin::Board;
 use twin::board_model::Ping;
@@ -13,16 +13,15 @@ use twin::board_model::Ping;
 const TIM2_CR1: u64 = 0x4000_0000;
 const TIM2_CNT: u64 = 0x4000_0024;
 const TIM3_CNT: u64 = 0x4000_0424;
-const MS: u64 = 1_000_000;
 /// The longest tick's work, 81 µs, a frame and its gap.
 const NEAREST_NS: u64 = 130_000;
 /// Without an echo of its own a sensor is known to have none at the second tick after its trigger. Its next trigger
-/// comes 60 to 90 ms later, a tick more where it must wait.
-const SILENT_NS: u64 = 21 * MS;
-const NEXT_NS: u64 = 78 * MS;
-const OLDEST_NS: u64 = 130 * MS;
-/// From the trigger to the pulse and from its end to the tick, ns, and half the way of sound at 20 °C, mm/µs.
-const RISE_NS: u64 = 250_000 + NEAREST_NS;
+/// comes 60 to 90 ms later, a tick more where it must wait. Microseconds.
+const SILENT_US: f64 = 21e3;
+const NEXT_US: f64 = 78e3;
+const OLDEST_US: f64 = 130e3;
+/// From the trigger to the pulse, 250 µs, and from its end to the tick, and half the way of sound at 20 °C, mm/µs.
+const RISE_US: f64 = 380.0;
 const SOUND: f64 = 0.34342 / 2.0;
 /// The filter has taken in a step of the voltages after so many milliseconds.
 const FILTERED_MS: usize = 2_000;
@@ -38,8 +37,8 @@ pub struct Replies {
     before: Option<(Report, usize)>,
     /// A lie unless a slip explains it, which the status may tell a reply later.
     unless_slip: Option<String>,
-    /// Each millisecond, at the converter's pins.
-    pub pins_v: Vec<[f64; 2]>,
+    /// Each millisecond.
+    cells_v: Vec<[f64; 2]>,
     /// The converter does not see them.
     pub cells_unread: bool,
     pub lines_crossed: bool,
@@ -57,11 +56,6 @@ fn moved(from: PoseCode, to: PoseCode) -> Pose2 {
     to.relative_to(&from)
 }
 
-/// The voltage of a tap from that of its pin.
-fn tap((volts, divider): (&f64, &Divider)) -> f64 {
-    volts * (1.0 + f64::from(divider.upper.0) / f64::from(divider.lower.0))
-}
-
 impl Replies {
     pub fn new(board: &Board, config: Config) -> Self {
         board.trace_memory(&[TIM2_CR1, TIM2_CNT, TIM3_CNT], 0..0);
@@ -72,10 +66,19 @@ impl Replies {
             ticks: Vec::new(),
             before: None,
             unless_slip: None,
-            pins_v: Vec::new(),
+            cells_v: Vec::new(),
             cells_unread: false,
             lines_crossed: false,
         }
+    }
+
+    /// The voltages at the converter's pins, each millisecond.
+    pub fn look(&mut self, pins_v: [f64; 2]) {
+        let dividers = self.config.dividers();
+        let ratio =
+            |nth: usize| f64::from(dividers[nth].upper.0) / f64::from(dividers[nth].lower.0);
+        let [one, both] = [0, 1].map(|nth| pins_v[nth] * (1.0 + ratio(nth)));
+        self.cells_v.push([one, (both - one).max(0.0)]);
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "32 and 16 bits")]
@@ -127,43 +130,22 @@ impl Replies {
             self.unless_slip = Some(format!("{:?}, counted {counted:?}", report.pose));
         }
         self.before = Some((*report, tick.unwrap_or(due)));
-        let pings = board.pings();
-        for (sensor, code) in report.ranges.iter().enumerate() {
-            let told = code.to_distance().map(|distance| distance.0.to_num());
-            if !self.has_measured(sensor, told, due, &pings) {
-                lies.push((
-                    "a reply lies about a distance",
-                    format!("{sensor}: {told:?} mm"),
-                ));
-            }
+        let (pings, told) = (board.pings(), report.ranges.map(DistanceCode::to_distance));
+        let told = told.map(|range| range.map(|range| range.0.to_num()));
+        if !(0..3).all(|sensor| self.has_measured(sensor, told[sensor], due, &pings)) {
+            lies.push(("a reply lies about a distance", format!("{told:?} mm")));
         }
-        let nth = usize::from(report.cell.cell);
-        let told = f64::from(report.cell.voltage) / 200.0;
-        let taps = |pins: &[f64; 2]| pins.iter().zip(self.config.dividers()).map(tap).collect();
-        let cell = |taps: Vec<f64>| {
-            (taps[nth] - nth.checked_sub(1).map_or(0.0, |below| taps[below])).max(0.0)
-        };
-        let cells = self
-            .pins_v
-            .iter()
-            .rev()
-            .take(FILTERED_MS)
-            .map(taps)
-            .map(cell);
-        let [low, high] = cells.fold([f64::MAX, 0.0], |[low, high], volts| {
-            [volts.min(low), volts.max(high)]
-        });
-        if due >= 3 && !self.cells_unread && !(low - 0.05..=high + 0.05).contains(&told) {
+        let CellCode { cell, voltage } = report.cell;
+        let told = f64::from(voltage) / 200.0;
+        let latest = || self.cells_v.iter().rev().take(FILTERED_MS);
+        let off = || latest().map(|cells| cells[usize::from(cell)] - told);
+        let is_between = off().any(|off| off < 0.05) && off().any(|off| off > -0.05);
+        if due >= 3 && !self.cells_unread && !is_between {
             lies.push(("a reply lies about a cell", format!("{:?}", report.cell)));
         }
         lies
     }
 
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "µs"
-    )]
     /// Whether a sensor's last echo, or a newer one than the tick's, is this distance.
     fn has_measured(&self, sensor: usize, told: Option<f64>, due: usize, pings: &[Ping]) -> bool {
         let (boot, data) = (self.ticks[0].0, self.ticks[due].0);
@@ -178,14 +160,15 @@ impl Replies {
                 (None, Some(mm)) => self.lines_crossed || !(25.0..2_480.0).contains(&mm),
                 (told, None) => told.is_none(),
             };
-            let age = data.saturating_sub(ping.at_ns);
-            if is_this && age < OLDEST_NS {
+            let age_us = u32::try_from(data.saturating_sub(ping.at_ns) / 1_000);
+            let age_us = age_us.map_or(f64::MAX, f64::from);
+            if is_this && age_us < OLDEST_US {
                 return true;
             }
             // Of crossed lines the pulse is another's.
-            let us = ping.echo_us.filter(|_| !self.lines_crossed);
-            if age > us.map_or(SILENT_NS, |us| (us * 1e3) as u64).min(SILENT_NS) + RISE_NS {
-                return told.is_none() && age > NEXT_NS;
+            let known = ping.echo_us.filter(|_| !self.lines_crossed);
+            if age_us > known.unwrap_or(SILENT_US).min(SILENT_US) + RISE_US {
+                return told.is_none() && age_us > NEXT_US;
             }
         }
         told.is_none()

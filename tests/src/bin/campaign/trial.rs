@@ -10,6 +10,7 @@ use robot_tests::linked_robot::velocity;
 use robot_tests::test_board::near_walls;
 use robot_tests::wires::{first_bits, selected};
 use twin::components::eeprom::Eeprom;
+use twin::components::i2c_bus::I2cBus;
 use twin::components::spi_master::pack;
 use twin::{Board, Options};
 
@@ -156,10 +157,8 @@ impl Trial {
             Cause::Frames(_) => self.frames.clear(),
             Cause::Each(act) if on => self.each.push(act),
             of_board => {
-                if !on {
-                    // All end together.
-                    self.each.clear();
-                }
+                // All end together.
+                self.each.retain(|_| on);
                 of_board.set(&self.board, on);
             }
         }
@@ -242,17 +241,14 @@ impl Trial {
             let mcu = stopped.mcu();
             (mcu.is_ready(), mcu.board.world.cell_pins())
         });
-        self.replies.pins_v.push(pins);
-        let started = ready && !std::mem::replace(&mut self.was_ready, ready);
-        if started && now > self.began_us + BOOT_US {
+        self.replies.look(pins);
+        if ready && !self.was_ready && now > self.began_us + BOOT_US {
             let written = self.image.0;
             let differs = move |eeprom: &Eeprom| {
                 eeprom.bytes()[..written.len()] != written || eeprom.weak.is_some_and(|weak| weak.1)
             };
-            if self
-                .board
-                .i2c_bus(move |bus, _| bus.eeprom.as_ref().is_some_and(differs))
-            {
+            let differs = move |bus: &mut I2cBus, _| bus.eeprom.as_ref().is_some_and(differs);
+            if self.board.i2c_bus(differs) {
                 self.find("a configuration accepted that was not written", ());
             }
         }
