@@ -42,6 +42,8 @@ pub struct Replies {
     /// The converter does not see them.
     pub cells_unread: bool,
     pub lines_crossed: bool,
+    /// The ticks' timer, which times the echoes too, stops.
+    pub clock_stops: bool,
 }
 
 fn moved(from: PoseCode, to: PoseCode) -> Pose2 {
@@ -69,6 +71,7 @@ impl Replies {
             cells_v: Vec::new(),
             cells_unread: false,
             lines_crossed: false,
+            clock_stops: false,
         }
     }
 
@@ -155,19 +158,21 @@ impl Replies {
             }
             let mm = ping.echo_us.map(|us| us * SOUND);
             let mm = mm.filter(|mm| *mm < 2_520.0);
+            // Of crossed lines the pulse is another's.
+            let known = ping.echo_us.filter(|_| !self.lines_crossed);
+            let age_us = u32::try_from(data.saturating_sub(ping.at_ns) / 1_000);
+            let age_us = age_us.map_or(f64::MAX, f64::from);
+            let is_known = age_us > known.unwrap_or(SILENT_US).min(SILENT_US) + RISE_US;
             let is_this = match (told, mm) {
+                (Some(told), Some(mm)) if self.clock_stops && !is_known && told < mm => true,
                 (Some(told), Some(mm)) => (told - mm).abs() < 1.0 + mm / 200.0,
                 (None, Some(mm)) => self.lines_crossed || !(25.0..2_480.0).contains(&mm),
                 (told, None) => told.is_none(),
             };
-            let age_us = u32::try_from(data.saturating_sub(ping.at_ns) / 1_000);
-            let age_us = age_us.map_or(f64::MAX, f64::from);
             if is_this && age_us < OLDEST_US {
                 return true;
             }
-            // Of crossed lines the pulse is another's.
-            let known = ping.echo_us.filter(|_| !self.lines_crossed);
-            if age_us > known.unwrap_or(SILENT_US).min(SILENT_US) + RISE_US {
+            if is_known {
                 return told.is_none() && age_us > NEXT_US;
             }
         }

@@ -305,6 +305,7 @@ impl Trial {
         let named = |name| kinds.iter().any(|kind| kind.0 == name);
         self.replies.cells_unread = named("no conversions") || named("supply low");
         self.replies.lines_crossed = named("echo lines crossed");
+        self.replies.clock_stops = named("no ticks");
         let mut begin = || u32::try_from(self.random.below(BEGIN_MS)).unwrap_or(0);
         let mut begins: Vec<_> = kinds.iter().map(|kind| (begin(), *kind)).collect();
         begins.sort_by_key(|(at, _)| *at);
