@@ -157,7 +157,7 @@ impl Mpu6050 {
             let noise = self.params.noise_deg_s * self.rng.normal();
             let offset = match self.fault {
                 Mpu6050Fault::Offset(offset) => f64::from(offset),
-                Mpu6050Fault::Jumps(by) if now / 250_000_000 % 2 == 0 => f64::from(by),
+                Mpu6050Fault::Jumps(by) if now % 500_000_000 < 250_000_000 => f64::from(by),
                 Mpu6050Fault::Jumps(by) => f64::from(-by),
                 _ => 0.0,
             };
