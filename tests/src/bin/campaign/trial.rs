@@ -98,7 +98,7 @@ pub struct Trial {
     replies: Replies,
     /// What was written to the EEPROM.
     image: Image,
-    /// When the last fault began, µs, and whether READY was high at the last look.
+    /// When its fault began, µs, and whether READY was high at the last look.
     began_us: u64,
     was_ready: bool,
     command: Command,
@@ -319,7 +319,9 @@ impl Trial {
                 // The Pi's own: a stop that was reported ends with it.
                 self.seen.stopped_since = None;
             }
-            self.began_us = self.board.now_us();
+            if kind.0.starts_with("EEPROM") {
+                self.began_us = self.board.now_us();
+            }
             self.seen.drive = Sides::default();
         }
         self.run_ms(FAULT_MS - passed);
