@@ -108,8 +108,8 @@ impl<'m> Session<'m> {
     }
 
     fn take_over(&mut self, now_us: u64, report: &Report) {
-        self.snapshot.update(now_us, report, self.link.statistics());
         self.snapshot.restarted |= std::mem::take(&mut self.link.restarted);
+        self.snapshot.update(now_us, report, self.link.statistics());
     }
 
     /// The configuration both ends work by.

@@ -185,6 +185,7 @@ fn known_faults<'de, D: Deserializer<'de>>(value: D) -> Result<Vec<&'static str>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use fw_core::binary64::Binary64;
     use fw_core::eeprom::{Image, fields};
     use fw_core::types::RangefinderId;
 
@@ -233,6 +234,14 @@ mod tests {
             assert_eq!(serde_json::from_str::<Snapshot>(&json).unwrap(), snapshot);
         }
         // The latest distances and state replace those of before.
+        snapshot.kind = Mode::GuardedTuneMove;
+        let measurement = Binary64(12.5_f64.to_bits());
+        let measured = Report {
+            measurement,
+            ..report
+        };
+        snapshot.update(8, &measured, link);
+        assert_eq!(snapshot.measurement, Some(12.5));
         snapshot.kind = Mode::GuardedVelocity;
         snapshot.update(8, &Report::default(), link);
         assert_eq!(snapshot.ranges_mm, [None; 3]);

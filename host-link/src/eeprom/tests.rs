@@ -72,7 +72,8 @@ fn write_is_verified_protected_and_followed_by_one_reset() {
     assert_eq!((programmed.bytes, programmed.bursts), (0, 0));
     // What changes after its burst was read back.
     let (_folder, journal) = journal();
-    let outcome = program(&mut io, &BLANK, 100, Some(&journal), |_| {
+    let outcome = program(&mut io, &BLANK, 100, Some(&journal), |step| {
+        assert!(!matches!(step, Progress::Before(before) if *before != wanted()));
         board.borrow_mut().memory.0[0x3F0] = 0;
     });
     let address = 0x3F0;

@@ -135,6 +135,7 @@ fn second_without_valid_reply_is_silence() {
     for frame in 0..60 {
         session.exchange(&request).unwrap();
         assert_eq!(session.snapshot().time_us - begun_us, frame * 25_000);
+        assert_eq!(session.until_next_us(), 24_999);
         // The transfer takes the set-up time of 1 µs.
         assert_eq!(board.borrow().now_us - begun_us, frame * 25_000 + 1);
     }

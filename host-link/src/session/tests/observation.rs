@@ -50,3 +50,13 @@ fn round_trip_is_right_after_failed_transfers() {
     }
     assert_eq!(session.statistics().round_trip_us, Some(25_001));
 }
+
+#[test]
+fn restart_ends_what_the_log_called_silent() {
+    let (_, mut io) = mock_board(&image(2), None);
+    let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
+    session.snapshot.silent = [true; 3];
+    session.link.restarted = true;
+    session.take_over(0, &Report::default());
+    assert_eq!(session.snapshot().silent, [false; 3]);
+}
