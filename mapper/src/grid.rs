@@ -148,6 +148,13 @@ impl Grid {
         (0..self.rows).flat_map(|row| (0..self.columns).map(move |column| (column, row)))
     }
 
+    /// Adds evidence to the cell at a point, within 2000 cells around the origin.
+    pub fn add_at(&mut self, point: Point, log_odds: f32) {
+        let Point { x_mm, y_mm } = point;
+        let (columns, rows) = self.cover(x_mm..x_mm, y_mm..y_mm);
+        self.add(columns.start, rows.start, log_odds);
+    }
+
     /// Adds evidence to a cell that is inside the grid.
     pub(crate) fn add(&mut self, column: usize, row: usize, log_odds: f32) {
         if column < self.columns && row < self.rows {

@@ -1,31 +1,33 @@
 //! Localisation, and log-odds occupancy grids from poses and ranges.
 //!
 //! ```
-//! use mapper::{map_iou, Cell, Config, Mapper, Point, Pose2, Segment};
+//! use mapper::{map_iou, Cell, Localiser, LocaliserConfig, Observation, Point, Pose2, Segment};
 //!
-//! // The robot backs off from a wall 1 m ahead of its start; the front sensor sits 80 mm ahead.
-//! let mut mapper = Mapper::new(Config::default());
-//! for step in 0..60 {
-//!     let x_mm = -2.0 * f64::from(step);
-//!     mapper.observe(&Pose2::new(x_mm, 0.0, 0.0), &[Some(920.0 - x_mm), None, None]);
+//! // The robot drives 1 m along a wall 510 mm to its left; the left sensor sits 60 mm aside.
+//! let mut localiser = Localiser::new(LocaliserConfig::default());
+//! for step in 0..=100 {
+//!     localiser.observe(&Observation {
+//!         time_s: 0.1 * f64::from(step),
+//!         odometry: Pose2::new(10.0 * f64::from(step), 0.0, 0.0),
+//!         gyro_rad: None,
+//!         ranges_mm: [None, None, Some(450.0 + f64::from(step % 2))],
+//!         front_bearing_rad: None,
+//!     });
 //! }
-//! let grid = mapper.grid();
-//! assert_eq!(grid.cell_at(Point::new(500.0, 0.0)), Cell::Free);
-//! assert_eq!(grid.cell_at(Point::new(1000.0, 0.0)), Cell::Occupied);
+//! let grid = localiser.grid();
+//! assert_eq!(grid.cell_at(Point::new(400.0, 300.0)), Cell::Free);
+//! assert_eq!(grid.cell_at(Point::new(400.0, 510.0)), Cell::Occupied);
 //!
-//! let wall = Segment::new(Point::new(1000.0, -300.0), Point::new(1000.0, 300.0));
-//! assert!(map_iou(grid, &[wall], 100.0).precision > 0.9);
+//! let wall = Segment::new(Point::new(0.0, 510.0), Point::new(800.0, 510.0));
+//! assert!(map_iou(grid, &[wall], 100.0).iou > 0.9);
 //! ```
 //!
-//! [`Mapper`] takes the reported pose and ranges of every frame, rejects repeats and outliers
-//! ([`Config`]), and enters the rest into a [`Grid`] by a model of the sonar's cone
-//! ([`SonarModel`]). [`ros`] writes the grid as the PGM and YAML pair of ROS map servers,
-//! [`map_plot`] and [`line_plot`] draw PNG files, [`evaluation`] compares a grid with known walls.
+//! [`Localiser`] takes odometry, gyroscope and ranges, enters the ranges into a [`Grid`], estimates pose and
+//! calibration by what it has mapped, and finds itself on a saved map. [`ros`] writes the grid as the PGM and YAML
+//! pair of ROS map servers, [`map_plot`] and [`line_plot`] draw PNG files, [`evaluation`] compares a grid with known
+//! walls.
 //!
-//! [`Localiser`] does the same without true poses: it takes odometry, gyroscope and ranges, estimates
-//! pose and calibration by what it has mapped, and finds itself on a saved map.
-//!
-//! Lengths, angles and frames are those of [`geometry`]; the grid is in the frame of the poses.
+//! Lengths, angles and frames are those of [`geometry`]; the grid is in the frame of the estimated poses.
 #![forbid(unsafe_code)]
 #![cfg_attr(not(test), warn(clippy::disallowed_methods))]
 
@@ -34,12 +36,9 @@ mod grid;
 pub mod line_plot;
 mod localiser;
 pub mod map_plot;
-mod mapper;
 mod png_canvas;
 mod pose_estimate;
-mod range_filter;
 pub mod ros;
-mod sonar_model;
 
 pub use evaluation::{MapScore, map_iou};
 pub use geometry::{Mount, Point, Pose2, Segment};
@@ -47,7 +46,5 @@ pub use grid::{Cell, Grid};
 pub use localiser::{
     CalibrationEstimate, Localiser, LocaliserConfig, MatcherConfig, MotionNoise, Observation,
 };
-pub use mapper::{Config, Counters, Mapper};
 pub use png_canvas::PlotError;
 pub use pose_estimate::PoseEstimate;
-pub use sonar_model::SonarModel;

@@ -215,7 +215,6 @@ fn shade(probability: f32) -> RGBColor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::SonarModel;
     use crate::png_canvas::decode;
 
     fn has(pixels: &[u8], RGBColor(r, g, b): RGBColor) -> bool {
@@ -224,10 +223,8 @@ mod tests {
 
     #[test]
     fn plots_show_every_layer_given() {
-        let mut grid = Grid::new(25.0);
-        for _ in 0..20 {
-            SonarModel::default().enter_echo(&mut grid, &Pose2::default(), 800.0);
-        }
+        let (low, high) = (Point::new(0.0, -200.0), Point::new(800.0, 200.0));
+        let grid = Grid::from_fn(25.0, low, high, |p| if p.y_mm > 0.0 { -4.0 } else { 0.0 });
         let (width, height, pixels) = decode(&map(&grid).unwrap());
         assert!(width >= 800 && height > 100);
         assert!(has(&pixels, UNKNOWN) && has(&pixels, INK) && !has(&pixels, WALL));

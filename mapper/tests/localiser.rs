@@ -3,8 +3,8 @@
 mod tour;
 
 use mapper::evaluation::{best_alignment, in_estimate_frame, pose_errors};
-use mapper::{Localiser, LocaliserConfig, MapScore, Pose2, Segment, map_iou};
-use plant::{Imperfections, Room};
+use mapper::{Localiser, LocaliserConfig, MapScore, Observation, Pose2, Segment, map_iou};
+use plant::{Imperfections, Rng, Room};
 use tour::Drive;
 
 /// The figures of a drive, map and poses compared after the best rigid alignment of the way.
@@ -69,7 +69,7 @@ fn lost(first: &Drive, room: &Room, seed: u64) -> Drive {
     drive
 }
 
-// Requirement: NAV-pose-1
+// Requirement: DOC-1-2, NAV-pose-1
 #[test]
 fn default_room_is_mapped_within_error_bounds() {
     let room = Room::two_rooms();
@@ -85,6 +85,34 @@ fn default_room_is_mapped_within_error_bounds() {
     // 3 for an exact covariance.
     assert!((0.3..8.0).contains(&result.nees), "{result:?}");
     assert!(result.minutes < 10.0, "{result:?}");
+}
+
+// Requirement: DOC-2.2-4
+#[test]
+fn map_with_five_percent_wrong_ranges_stays_usable() {
+    let room = Room::two_rooms();
+    let (mut drive, mut rng) = (mapped(&room), Rng::new(2));
+    drive.localiser = Localiser::new(LocaliserConfig::default());
+    let (mut before, mut given) = ([None; 3], [None; 3]);
+    for (observation, poses) in drive.observations.iter().zip(&mut drive.poses) {
+        let ranges_mm = observation.ranges_mm;
+        for nth in (0..3).filter(|&nth| ranges_mm[nth] != before[nth]) {
+            let is_wrong = rng.unit() < 0.05;
+            given[nth] = if is_wrong {
+                Some(2500.0 * rng.unit())
+            } else {
+                ranges_mm[nth]
+            };
+        }
+        before = ranges_mm;
+        drive.localiser.observe(&Observation {
+            ranges_mm: given,
+            ..*observation
+        });
+        poses[0] = drive.localiser.estimate().pose;
+    }
+    let result = drive.result(&room);
+    assert!(result.map.iou > 0.85, "{result:?}");
 }
 
 // Requirement: NAV-pose-2

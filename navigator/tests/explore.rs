@@ -2,7 +2,7 @@
 
 use geometry::{Point, Pose2};
 use mapper::evaluation::coverage;
-use mapper::{Grid, Mount, PoseEstimate, SonarModel, map_iou};
+use mapper::{Grid, Mount, PoseEstimate, map_iou};
 use navigator::{Action, Config, Explorer, Outcome, Status, StopReason, Velocity};
 use plant::kinematic::{KinematicRobot, SensorSample, VelocityInput};
 use plant::{Collision, Imperfections, Room};
@@ -67,30 +67,32 @@ impl IdealMapper {
         for (nth, mount) in mounts.iter().enumerate() {
             let range = sample.ranges_mm[nth];
             let sensor = mount.sensor_pose(pose);
-            let truth = room.cast(&sensor).map_or(4000.0, |hit| hit.distance_mm);
-            let mut sonar = SonarModel {
-                half_angle_rad: 0.12,
-                ..SonarModel::default()
-            };
-            match range {
-                Some(range) if Some(range) != self.ranges_mm[nth] => {
-                    if (range - truth).abs() < 40.0 {
-                        sonar.enter_echo(&mut self.grid, &sensor, truth);
-                    } else {
-                        sonar.silent_mm = range.min(truth) - 60.0;
-                        sonar.enter_silence(&mut self.grid, &sensor);
-                    }
-                }
-                None if sample.time_s > 0.2 => {
-                    sonar.silent_mm = truth.min(800.0) - 60.0;
-                    sonar.free = 0.3;
-                    sonar.enter_silence(&mut self.grid, &sensor);
-                }
-                _ => {}
+            let is_silent = range.is_none() && sample.time_s > 0.2;
+            if is_silent || range != self.ranges_mm[nth] {
+                self.enter(room, &sensor, range);
             }
             self.ranges_mm[nth] = range;
         }
         self.drift(pose.position());
+    }
+
+    /// Clears a narrow cone up to the true surfaces, no farther than the range, and enters those that answered.
+    fn enter(&mut self, room: &Room, sensor: &Pose2, range_mm: Option<f64>) {
+        let true_mm = |ray: &Pose2| room.cast(ray).map_or(4000.0, |hit| hit.distance_mm);
+        let has_answered = range_mm.is_some_and(|range| (range - true_mm(sensor)).abs() < 40.0);
+        let (reach_mm, free) = range_mm.map_or((800.0, -0.06), |range| (range, -0.3));
+        for off in -10..=10 {
+            let ray = sensor.facing(sensor.heading_rad + 0.012 * f64::from(off));
+            let surface_mm = true_mm(&ray);
+            let mut away_mm = 0.0;
+            while away_mm < reach_mm.min(surface_mm) - 60.0 {
+                self.grid.add_at(ray.point_at(away_mm, 0.0), free);
+                away_mm += 25.0;
+            }
+            if has_answered {
+                self.grid.add_at(ray.point_at(surface_mm, 0.0), 0.6);
+            }
+        }
     }
 
     fn drift(&mut self, at: Point) {

@@ -9,19 +9,20 @@ mod stops;
 pub use config::{ensure_velocity, localiser_config, navigator_config};
 
 use crate::drive::{SpeedMeter, StopOnDrop, meanwhile, seconds_since};
-use crate::mapping::{self, Files, Mapping, RangeSample};
+use crate::mapping::{self, Files, RangeSample};
 use cpu_time::ThreadTime;
 use fw_core::eeprom::Config;
 use fw_core::types::Faults;
 use fw_core::wire::{Order, Report};
 use host_link::error::Error;
+use host_link::file;
 use host_link::pose::Pose;
 use host_link::session::{CommandRequest, Session, VelocityRequest};
 use host_link::snapshot::Snapshot;
-use mapper::{Grid, Localiser, Observation, Pose2, PoseEstimate};
+use mapper::{Grid, Localiser, LocaliserConfig, Observation, Pose2, PoseEstimate};
 use navigator::{Action, Explorer, GoTo, Outcome, Status, Velocity};
 use std::ops::ControlFlow;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 use stops::Stops;
 
@@ -58,17 +59,18 @@ impl Plan for GoTo {
     }
 }
 
-/// Where the robot is and what it has seen: the localiser, and beside it the map, the path and the
-/// recording that the reported poses alone give.
+/// Where the robot is and what it has seen, and beside it the map and the path by odometry alone.
 pub struct Localisation {
     /// The estimate and the corrected map.
     pub localiser: Localiser,
     /// Looks for the robot on a saved map.
     pub on_map: Option<Localiser>,
-    /// By the reported poses.
-    pub raw: Mapping,
+    /// The map by odometry alone.
+    pub raw: Localiser,
     /// Every estimated pose, in order.
     pub path: Vec<Pose2>,
+    /// Every reported pose, in order.
+    pub trace: Vec<Pose2>,
     /// Time of this computer's core that localising and planning took.
     pub busy: Duration,
 }
@@ -82,16 +84,22 @@ impl Localisation {
 
     /// What this localiser says.
     pub fn with(localiser: Localiser, config: &Config, body_mm: f64, cell_mm: f64) -> Self {
+        let raw = LocaliserConfig {
+            corrects: false,
+            ..localiser_config(config, body_mm, cell_mm)
+        };
         Self {
             localiser,
             on_map: None,
-            raw: Mapping::new(mapping::mapper_config(config, body_mm, cell_mm)),
+            raw: Localiser::new(raw),
             path: Vec::new(),
+            trace: Vec::new(),
             busy: Duration::ZERO,
         }
     }
 
     /// Takes one report.
+    // Requirement: DOC-1-2
     pub fn observe(&mut self, sample: &RangeSample) -> PoseEstimate {
         let begun = ThreadTime::now();
         let observation = observation(sample);
@@ -101,24 +109,40 @@ impl Localisation {
         }
         let estimate = self.localiser.estimate();
         self.busy += begun.elapsed();
-        self.raw.add(sample);
+        self.raw.observe(&observation);
         self.path.push(estimate.pose);
+        self.trace.push(observation.odometry);
         estimate
     }
 
     /// The origin of the reported poses in the corrected map.
     pub fn odom_in_map(&self) -> Pose {
-        let reported = self.raw.trace().last().copied().unwrap_or_default();
-        mapping::odom_in_map(&self.localiser.estimate().pose, reported)
+        let reported = self.trace.last().copied().unwrap_or_default();
+        mapping::odom_in_map(&self.localiser.estimate().pose, &reported)
     }
 
-    /// Writes `stem`.png (the corrected map under the estimated path), `stem`.pgm and `stem`.yaml.
+    /// Length of the reported way, mm.
+    pub fn path_mm(&self) -> f64 {
+        let steps = self.trace.array_windows();
+        steps.map(|[from, to]| from.distance_mm(to)).sum()
+    }
+
+    /// Writes the corrected map under the estimated path, and with [`raw_stem`] the one by odometry alone under the
+    /// reported path.
     ///
     /// # Errors
     /// [`Error::Unwritable`].
-    pub fn save_map(&self, stem: &Path) -> Result<Files, Error> {
-        mapping::save_map(self.localiser.grid(), &self.path, stem)
+    pub fn save_maps(&self, stem: &Path) -> Result<[Files; 2], Error> {
+        Ok([
+            mapping::save_map(self.localiser.grid(), &self.path, stem)?,
+            mapping::save_map(self.raw.grid(), &self.trace, &raw_stem(stem))?,
+        ])
     }
+}
+
+/// Of the map by odometry alone.
+pub fn raw_stem(out: &Path) -> PathBuf {
+    file::with_suffix(out, "-raw")
 }
 
 /// What a frame led to, for the display.

@@ -1,4 +1,4 @@
-//! Mapping while driving: every report goes to the mapper and to the trace.
+//! What reports hold for the mapper, and the files of maps.
 
 use fw_core::eeprom::Config;
 use fw_core::types::RangefinderId;
@@ -7,7 +7,7 @@ use host_link::error::Error;
 use host_link::file::{self, Kind};
 use host_link::pose::Pose;
 use host_link::snapshot::Snapshot;
-use mapper::{Grid, Mapper, Mount, Pose2, map_plot, ros};
+use mapper::{Grid, Mount, Pose2, map_plot, ros};
 use std::path::{Path, PathBuf};
 
 /// One report as the mapper takes it.
@@ -42,13 +42,7 @@ impl RangeSample {
     }
 }
 
-/// The map and the trace of one drive.
-pub struct Mapping {
-    mapper: Mapper,
-    trace: Vec<Pose>,
-}
-
-/// The files a mapping leaves.
+/// The files of a map.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Files {
     /// The picture with the trace.
@@ -78,62 +72,6 @@ impl Files {
         file::check(&files.png, Kind::Png)?;
         file::check(&files.pgm, Kind::Pgm)?;
         file::check(&files.yaml, Kind::MapYaml)
-    }
-}
-
-impl Mapping {
-    /// An empty mapping.
-    pub fn new(config: mapper::Config) -> Self {
-        Self {
-            mapper: Mapper::new(config),
-            trace: Vec::new(),
-        }
-    }
-
-    /// Takes one report.
-    // Requirement: DOC-1-2
-    pub fn add(&mut self, sample: &RangeSample) {
-        let pose = mapper_pose(sample.pose);
-        match sample.bearing_deg {
-            Some(bearing) => {
-                self.mapper
-                    .observe_scan(&pose, 0, bearing.to_radians(), sample.ranges_mm[0]);
-                // The sweep mode reports no others.
-                for (sensor, range) in sample.ranges_mm.iter().enumerate().skip(1) {
-                    if range.is_some() {
-                        self.mapper.observe_fixed(&pose, sensor, *range);
-                    }
-                }
-            }
-            None => self.mapper.observe(&pose, &sample.ranges_mm),
-        }
-        self.trace.push(sample.pose);
-    }
-
-    /// The mapper.
-    pub fn mapper(&self) -> &Mapper {
-        &self.mapper
-    }
-
-    /// The reported poses, in order.
-    pub fn trace(&self) -> &[Pose] {
-        &self.trace
-    }
-
-    /// Path length of the trace, millimetres.
-    pub fn path_mm(&self) -> f64 {
-        let steps = self.trace.array_windows();
-        steps.map(|[from, to]| from.distance_mm(*to)).sum()
-    }
-
-    /// Writes `stem`.png (the map under the trace), and `stem`.pgm and `stem`.yaml as ROS map servers
-    /// read them.
-    ///
-    /// # Errors
-    /// [`Error::Unwritable`].
-    pub fn save_map(&self, stem: &Path) -> Result<Files, Error> {
-        let odometry: Vec<Pose2> = self.trace.iter().copied().map(mapper_pose).collect();
-        save_map(self.mapper.grid(), &odometry, stem)
     }
 }
 
@@ -199,8 +137,8 @@ pub fn reported_pose(pose: &Pose2) -> Pose {
 }
 
 /// The origin of the reported poses in the map, where a reported pose is estimated to be this one.
-pub fn odom_in_map(estimate: &Pose2, reported: Pose) -> Pose {
-    let start = Pose2::default().relative_to(&mapper_pose(reported));
+pub fn odom_in_map(estimate: &Pose2, reported: &Pose2) -> Pose {
+    let start = Pose2::default().relative_to(reported);
     reported_pose(&estimate.compose(&start))
 }
 
@@ -231,24 +169,16 @@ pub fn sensor_poses(config: &Config, body_mm: f64) -> [Option<Pose>; 3] {
     mounts(config, body_mm).map(|mount| mount.map(pose))
 }
 
-/// The mapper's settings for a configuration and a body of this radius, mm.
-pub fn mapper_config(config: &Config, body_mm: f64, cell_mm: f64) -> mapper::Config {
-    mapper::Config {
-        cell_mm,
-        mounts: mounts(config, body_mm),
-        ..mapper::Config::default()
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::exploring::Localisation;
     use fw_core::eeprom::{Image, fields};
-    use mapper::Point;
+    use mapper::{Cell, Point};
 
     // Requirement: DOC-2.2-2, WIRE-platform-4, WIRE-platform-5
     #[test]
-    fn mapper_config_takes_fitted_rangefinders() {
+    fn mounts_are_those_of_fitted_rangefinders() {
         let image = Image::FIRST_BOARD;
         let degrees = |image: &Image| {
             let mounts = mounts(&Config::decode(image).unwrap(), BODY_MM);
@@ -291,27 +221,35 @@ mod tests {
     #[test]
     fn swept_range_is_mapped_by_its_bearing_beside_fixed_ones() {
         let config = Config::decode(&Image::FIRST_BOARD).unwrap();
-        let mut mapping = Mapping::new(mapper_config(&config, BODY_MM, 25.0));
-        // Between two walls, to the right.
-        for step in 0..60_u32 {
-            let y_mm = -2.0 * f64::from(step);
-            mapping.add(&RangeSample {
+        let mut localisation = Localisation::new(&config, BODY_MM, 25.0);
+        // Along two walls, at y = 1000 mm and y = −760 mm.
+        for step in 0..100_u32 {
+            let range_mm = |mm| Some(f64::from(mm + step % 2));
+            localisation.observe(&RangeSample {
                 time_us: u64::from(step) * 25_000,
-                pose: Pose::new(0.0, y_mm, 0.0),
-                ranges_mm: [Some(1000.0 - y_mm), Some(700.0 + y_mm), None],
+                pose: Pose::new(10.0 * f64::from(step), 0.0, 0.0),
+                ranges_mm: [range_mm(1000), range_mm(700), None],
                 bearing_deg: Some(90.0),
                 ..RangeSample::default()
             });
         }
-        let grid = mapping.mapper().grid();
-        let occupied = |range: std::ops::Range<f64>| {
-            grid.cells().any(|(column, row)| {
-                grid.cell(column, row) == mapper::Cell::Occupied
-                    && range.contains(&grid.middle(column, row).y_mm)
-            })
-        };
-        assert!(occupied(950.0..1050.0) && occupied(-850.0..-650.0));
-        assert!(!occupied(-600.0..900.0));
+        for map in [&localisation.localiser, &localisation.raw] {
+            let grid = map.grid();
+            let occupied = grid
+                .cells()
+                .filter(|&(c, r)| grid.cell(c, r) == Cell::Occupied);
+            let (left, right): (Vec<f64>, Vec<f64>) = occupied
+                .map(|(c, r)| grid.middle(c, r).y_mm)
+                .partition(|y_mm| *y_mm > 0.0);
+            assert!(
+                left.len() > 10 && left.iter().all(|y_mm| (y_mm - 1000.0).abs() < 50.0),
+                "{left:?}"
+            );
+            assert!(
+                right.len() > 10 && right.iter().all(|y_mm| (y_mm + 760.0).abs() < 50.0),
+                "{right:?}"
+            );
+        }
     }
 
     #[test]

@@ -80,7 +80,6 @@ pub struct Exploration {
     truth: Vec<Pose2>,
     /// … and at the end of its frame.
     late: Vec<Pose2>,
-    raw: Vec<Pose2>,
     times_s: Vec<f64>,
 }
 
@@ -99,15 +98,12 @@ pub fn explore(
     let mut localisation = Localisation::new(config, body_mm, CELL_MM);
     let mut plan = Explorer::new(exploring::navigator_config(config, body_mm)?);
     let mut track = TruthTrack::new(board);
-    let (mut truth, mut late, mut raw) = (Vec::new(), Vec::new(), Vec::new());
-    let mut times_s = Vec::new();
+    let (mut truth, mut late, mut times_s) = (Vec::new(), Vec::new(), Vec::new());
     let drive = exploring::drive(&mut session, &mut localisation, &mut plan, |step| {
-        let observation = exploring::observation(&step.sample);
         let [then, now] = track.sample(board);
         truth.push(then);
         late.push(now);
-        raw.push(observation.odometry);
-        times_s.push(observation.time_s);
+        times_s.push(exploring::observation(&step.sample).time_s);
         watch(step);
         ControlFlow::Continue(())
     });
@@ -118,7 +114,6 @@ pub fn explore(
         link,
         truth,
         late,
-        raw,
         times_s,
     })
 }
@@ -178,10 +173,11 @@ impl Exploration {
         let (end_mm, end_deg) = pose_error_series(path, truth, &aligned)
             .last()
             .unwrap_or_default();
-        let raw_aligned = best_alignment(&self.raw, truth);
-        let raw = pose_errors(&self.raw, truth, &raw_aligned);
+        let trace = &self.localisation.trace;
+        let raw_aligned = best_alignment(trace, truth);
+        let raw = pose_errors(trace, truth, &raw_aligned);
         let raw_surfaces = in_estimate_frame(&surfaces, &raw_aligned);
-        let raw_grid = self.localisation.raw.mapper().grid();
+        let raw_grid = self.localisation.raw.grid();
         let seconds = self.times_s.last().zip(self.times_s.first());
         let seconds = seconds.map_or(1.0, |(end, begin)| (end - begin).max(1.0));
         let busy = self.localisation.busy.as_secs_f64() / seconds;
@@ -239,7 +235,7 @@ impl Exploration {
         let begin_s = self.times_s.first().copied().unwrap_or_default();
         let series = [
             ("corrected", &self.localisation.path),
-            ("odometry alone", &self.raw),
+            ("odometry alone", &self.localisation.trace),
         ]
         .map(|(name, path)| {
             let aligned = best_alignment(path, &self.truth);

@@ -5,7 +5,8 @@ use fw_core::wire::{Command, Mode, Report};
 use host_link::snapshot::distance_mm;
 use host_link::statistics::LinkStatistics;
 use mapper::Point;
-use pilot::mapping::{BODY_MM, Mapping, RangeSample, mapper_config};
+use pilot::exploring::Localisation;
+use pilot::mapping::{BODY_MM, RangeSample};
 use robot_tests::linked_robot::LinkedRobot;
 use robot_tests::test_board::{Rig, image_with_servo, take_writes};
 use twin::board_model::Ping;
@@ -216,20 +217,27 @@ fn servo_points_ahead_in_other_modes() {
 fn scan_maps_room_around_robot() {
     let mut robot = robot(&sweeping(), Params::default());
     let config = Config::decode(&sweeping()).expect("accepted");
-    let mut survey = Mapping::new(mapper_config(&config, BODY_MM, 25.0));
-    for (at, report) in frames(&mut robot, 12_000_000) {
-        let mut snapshot = host_link::snapshot::Snapshot::new(&config);
-        snapshot.update(at / 1000, &report, LinkStatistics::default());
-        survey.add(&RangeSample::of(&snapshot).expect("a mode with poses"));
+    let mut survey = Localisation::new(&config, BODY_MM, 25.0);
+    // What was seen is entered after 400 mm or a radian.
+    for (x_mm, heading_deg) in [
+        (0.0, 60.0),
+        (0.0, -60.0),
+        (400.0, 0.0),
+        (400.0, 90.0),
+        (400.0, -90.0),
+        (400.0, 180.0),
+        (0.0, 180.0),
+    ] {
+        robot.go((x_mm, 0.0, heading_deg), 0);
+        for (at, report) in frames(&mut robot, 6_000_000) {
+            let mut snapshot = host_link::snapshot::Snapshot::new(&config);
+            snapshot.update(at / 1000, &report, LinkStatistics::default());
+            survey.observe(&RangeSample::of(&snapshot).expect("a mode with poses"));
+        }
     }
-    let counters = survey.mapper().counters();
-    // 12 s of 16.7 readings a second; repeats are ignored.
-    assert!(counters.echoes > 90, "{counters:?}");
-    let new = counters.echoes + counters.silences + counters.outliers;
-    assert!(new < 200, "{counters:?}");
     // The first board's start looks along +x of its own frame: what was seen must be where walls are.
     let room = robot.rig.world(|world| world.room().clone());
-    let grid = survey.mapper().grid();
+    let grid = survey.localiser.grid();
     let (mut right, mut wrong, mut ahead) = (0, 0, [0; 3]);
     for (column, row) in grid.cells() {
         if grid.probability(column, row) >= 0.7 {

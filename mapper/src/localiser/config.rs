@@ -40,6 +40,9 @@ pub struct LocaliserConfig {
     pub matcher: MatcherConfig,
     /// Length of a stretch, mm of way.
     pub stretch_mm: f64,
+    /// Whether gyroscope and matches correct the reported pose. Without, it is the estimate, and the map is in its
+    /// frame.
+    pub corrects: bool,
 }
 
 impl Default for LocaliserConfig {
@@ -57,6 +60,7 @@ impl Default for LocaliserConfig {
             motion: MotionNoise::default(),
             matcher: MatcherConfig::default(),
             stretch_mm: 400.0,
+            corrects: true,
         }
     }
 }

@@ -90,10 +90,11 @@ impl Evidence {
             self.surfaces
                 .insert(point, element.towards_rad, element.kind);
             let surface = Pose2::new(point.x_mm, point.y_mm, element.towards_rad + PI / 2.0);
-            self.occupy(point, OCCUPIED);
+            self.grid.add_at(point, OCCUPIED);
             if element.kind != Kind::Edge {
                 for along in [-20.0, 20.0] {
-                    self.occupy(surface.point_at(along, 0.0), OCCUPIED / 2.0);
+                    self.grid
+                        .add_at(surface.point_at(along, 0.0), OCCUPIED / 2.0);
                 }
             }
         } else if element.range_mm < ARC_MM && !self.is_explained(element, beam) {
@@ -101,7 +102,8 @@ impl Evidence {
             let mut off = -ARC_RAD;
             while off <= ARC_RAD {
                 let towards = element.sensor.heading_rad + off;
-                self.occupy(element.point_towards(beam, towards), OCCUPIED / 2.0);
+                self.grid
+                    .add_at(element.point_towards(beam, towards), OCCUPIED / 2.0);
                 off += step;
             }
         }
@@ -139,13 +141,6 @@ impl Evidence {
         }
     }
 
-    fn occupy(&mut self, point: Point, log_odds: f32) {
-        let (columns, rows) = self
-            .grid
-            .cover(point.x_mm..point.x_mm, point.y_mm..point.y_mm);
-        self.grid.add(columns.start, rows.start, log_odds);
-    }
-
     /// Clears the cone up to `reach_mm`.
     fn clear(&mut self, sensor: &Pose2, beam: &Beam, reach_mm: f64, log_odds: f32) {
         let half = beam.half_angle_rad * 0.9;
@@ -178,7 +173,7 @@ impl Evidence {
                 // Neighbouring rays overlap near the sensor.
                 #[allow(clippy::cast_possible_truncation)] // a weight
                 let share = (away * RAY_RAD / step_mm).min(1.0) as f32;
-                self.occupy(point, weight * share);
+                self.grid.add_at(point, weight * share);
             }
         }
     }
@@ -277,7 +272,7 @@ mod tests {
             for _ in 0..5 {
                 let towards = (facing_deg + 180.0).to_radians();
                 evidence.surfaces.insert(at, towards, Kind::Wall);
-                evidence.occupy(at, OCCUPIED);
+                evidence.grid.add_at(at, OCCUPIED);
             }
             for _ in 0..20 {
                 evidence.enter_echo(&echo(1500.0, Kind::Unclear, 0.2), &BEAM);
@@ -354,7 +349,7 @@ mod tests {
                 let at = Point::new(x_mm, 1.0);
                 let towards_rad = (facing_deg + 180.0).to_radians();
                 evidence.surfaces.insert(at, towards_rad, Kind::Wall);
-                evidence.occupy(at, 4.0);
+                evidence.grid.add_at(at, 4.0);
                 [1000.0, 570.0].map(|range_mm| {
                     evidence.is_behind_wall(&echo(range_mm, Kind::Wall, 0.03), &BEAM)
                 })

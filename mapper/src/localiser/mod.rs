@@ -135,10 +135,22 @@ impl Localiser {
     }
 
     /// Takes one frame's report. Give every report once, in order of time.
+    // Requirement: DOC-1-2
     pub fn observe(&mut self, now: &Observation) {
-        let Some(last) = self.last.replace(*now) else {
-            return;
-        };
+        if let Some(last) = self.last.replace(*now) {
+            self.advance(&last, now);
+        }
+        if !self.config.corrects {
+            let pose = now.odometry;
+            let pose = Vector3::new(pose.x_mm, pose.y_mm, pose.heading_rad);
+            self.ekf.relocate(&pose, &Matrix3::zeros());
+        }
+        if self.way_mm >= self.config.stretch_mm {
+            self.end_stretch();
+        }
+    }
+
+    fn advance(&mut self, last: &Observation, now: &Observation) {
         let turn_rad = wrap_angle(now.odometry.heading_rad - last.odometry.heading_rad);
         let between = now.odometry.relative_to(&last.odometry);
         let (sin, cos) = libm::sincos(turn_rad / 2.0);
@@ -149,6 +161,7 @@ impl Localiser {
             gyro_rad: now
                 .gyro_rad
                 .zip(last.gyro_rad)
+                .filter(|_| self.config.corrects)
                 .map(|(now, last)| now - last),
         };
         let motion = self.ekf.advance(&increment);
@@ -164,12 +177,10 @@ impl Localiser {
         for sensor in 0..3 {
             self.take_range(sensor, now);
         }
-        if self.way_mm >= self.config.stretch_mm {
-            self.end_stretch();
-        }
     }
 
     /// Keeps a range if it is a new measurement.
+    // Requirement: DOC-2.2-4
     fn take_range(&mut self, nth: usize, now: &Observation) {
         let Some(mut mount) = self.config.mounts[nth] else {
             return;
@@ -223,8 +234,10 @@ impl Localiser {
             for element in &mut elements {
                 *element = element.moved(&to_robot);
             }
-            self.observe_walls(&elements);
-            self.correct(&elements);
+            if self.config.corrects {
+                self.observe_walls(&elements);
+                self.correct(&elements);
+            }
             self.enter(&elements, &to_robot);
         }
         for track in &mut self.tracks {
@@ -320,7 +333,7 @@ impl Localiser {
         }
     }
 
-    /// The corrected map.
+    /// The map so far.
     pub const fn grid(&self) -> &Grid {
         &self.evidence.grid
     }

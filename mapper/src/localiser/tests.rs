@@ -1,7 +1,7 @@
 //! Tests of what the localiser keeps, and of where a stretch ends.
 
 use super::*;
-use crate::Point;
+use crate::{Cell, Point};
 
 /// A report at a heading of the odometry, the front sensor turned aside.
 fn report(nth: u32, heading_rad: f64, front: (Option<f64>, f64)) -> Observation {
@@ -67,6 +67,17 @@ fn range_within_limits_is_kept_where_it_was_measured() {
                 .all(|at| (at.sensor.x_mm - 88.0).abs() < 1e-9)
         );
     }
+}
+
+#[test]
+fn repeated_range_is_the_same_measurement() {
+    // Each for four frames, 20 mm.
+    let ahead = |nth| Observation {
+        odometry: Pose2::new(5.0 * f64::from(nth), 0.0, 0.0),
+        ..report(nth, 0.0, (Some(f64::from(500 + nth / 4 % 2)), 0.0))
+    };
+    let localiser = observing((0..=40).map(ahead));
+    assert_eq!(localiser.tracks[0].readings.len(), 11);
 }
 
 #[test]
@@ -168,6 +179,48 @@ fn echo_from_behind_a_wall_enters_nothing() {
         localiser.correct(&[ranges_mm.map(wall); 3].concat());
         assert_eq!(localiser.ekf.pose_covariance() != covariance, is_corrected);
     }
+}
+
+// Requirement: DOC-1-2
+#[test]
+fn without_correction_pose_and_map_are_those_of_odometry() {
+    let mut localiser = Localiser::new(LocaliserConfig {
+        corrects: false,
+        ..LocaliserConfig::default()
+    });
+    let begin = Pose2::new(700.0, -300.0, 0.6);
+    // Two metres there, along a wall to the left, and two metres back; the wheels slip aside, the gyroscope is wrong.
+    for nth in 0..400 {
+        let x_mm = 10.0 * f64::from(200 - (200 - i32::try_from(nth).unwrap()).abs());
+        let odometry = begin.compose(&Pose2::new(x_mm, 0.1 * f64::from(nth), 0.0));
+        let left = 600.0 - 0.1 * f64::from(nth) - 60.0;
+        localiser.observe(&Observation {
+            odometry,
+            gyro_rad: Some(0.01 * f64::from(nth)),
+            ranges_mm: [None, None, Some(left)],
+            ..report(nth, 0.0, (None, 0.0))
+        });
+        assert_eq!(localiser.estimate().pose, odometry);
+    }
+    let learned = localiser.calibration();
+    let learned = (learned.gyro_scale.0, learned.gyro_bias_rad_s.0);
+    assert_eq!(learned, (1.0, 0.0));
+    let grid = localiser.grid();
+    let occupied = grid
+        .cells()
+        .filter(|&(c, r)| grid.cell(c, r) == Cell::Occupied);
+    let walls: Vec<Point> = occupied
+        .map(|(c, r)| {
+            Pose2::at(grid.middle(c, r), 0.0)
+                .relative_to(&begin)
+                .position()
+        })
+        .collect();
+    assert!(walls.len() > 50);
+    assert!(
+        walls.iter().all(|at| (at.y_mm - 600.0).abs() < 40.0),
+        "{walls:?}"
+    );
 }
 
 #[test]

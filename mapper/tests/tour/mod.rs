@@ -18,7 +18,7 @@ pub struct Drive {
     /// By frame, relative to the start: estimate, truth, odometry.
     pub poses: Vec<[Pose2; 3]>,
     /// By frame.
-    pub ranges_mm: Vec<[Option<f64>; 3]>,
+    pub observations: Vec<Observation>,
     /// Squared errors in units of the reported covariance, one per second.
     pub nees: Vec<f64>,
 }
@@ -31,7 +31,7 @@ impl Drive {
             robot: KinematicRobot::new(room.clone(), room.start, world, seed),
             search_frames: 0,
             poses: Vec::new(),
-            ranges_mm: Vec::new(),
+            observations: Vec::new(),
             nees: Vec::new(),
         }
     }
@@ -56,7 +56,7 @@ impl Drive {
         let estimate = self.localiser.estimate();
         self.poses
             .push([estimate.pose, truth, observation.odometry]);
-        self.ranges_mm.push(observation.ranges_mm);
+        self.observations.push(observation);
         if self.poses.len().is_multiple_of(40) {
             let covariance = nalgebra::Matrix3::from_fn(|r, c| estimate.covariance[r][c]);
             let off = nalgebra::Vector3::new(

@@ -224,10 +224,11 @@ fn save(
     link: LinkStatistics,
     context: Context<'_>,
 ) -> Result<(), Error> {
-    let (raw, free_m2) = (&localisation.raw, free_m2(localisation.localiser.grid()));
-    let files = localisation.save_map(&explore.out)?;
-    let raw_files = raw.save_map(&map::raw_stem(&explore.out))?;
-    let path_mm = raw.path_mm();
+    let [files, raw_files] = localisation.save_maps(&explore.out)?;
+    let (path_mm, free_m2) = (
+        localisation.path_mm(),
+        free_m2(localisation.localiser.grid()),
+    );
     let outcome = drive.map(|drive| outcome_name(drive.outcome));
     let seconds = drive.map(|drive| drive.seconds);
     let stops = drive.map(|drive| drive.stops);

@@ -4,12 +4,11 @@ use super::args::Map;
 use super::connection::{Context, interrupt};
 use super::drive;
 use host_link::error::Error;
-use host_link::file;
 use host_link::session::Session;
 use host_link::snapshot::Snapshot;
 use host_link::statistics::LinkStatistics;
 use pilot::client::View;
-use pilot::exploring::Localisation;
+use pilot::exploring::{Localisation, raw_stem};
 use pilot::mapping::{self, Files, RangeSample};
 use pilot::recording::{self, Recorder};
 use pilot::serve::protocol::{Message, Request};
@@ -121,11 +120,6 @@ fn served(map: &Map, context: Context<'_>) -> Result<(), Error> {
     })
 }
 
-/// Of the map by odometry alone.
-pub fn raw_stem(out: &Path) -> PathBuf {
-    file::with_suffix(out, "-raw")
-}
-
 /// Whether both maps can be written, and no file is written twice.
 // Requirement: WIRE-program-1
 pub fn check(out: &Path, record: Option<&Path>, context: Context<'_>) -> Result<(), Error> {
@@ -161,10 +155,8 @@ fn save(
     link: Option<LinkStatistics>,
     context: Context<'_>,
 ) -> Result<(), Error> {
-    let raw = &localisation.raw;
-    let files = localisation.save_map(&map.out)?;
-    let raw_files = raw.save_map(&raw_stem(&map.out))?;
-    let (reports, path_mm) = (raw.trace().len(), raw.path_mm());
+    let [files, raw_files] = localisation.save_maps(&map.out)?;
+    let (reports, path_mm) = (localisation.trace.len(), localisation.path_mm());
     let done = json!({
         "files": files, "raw_files": raw_files, "reports": reports, "path_mm": path_mm, "link": link,
     });

@@ -38,7 +38,7 @@ pub fn transforms(us: u64, frame: &Frame) -> TfMessage {
     if let Some(pose) = frame.robot.pose {
         let transform = TransformStamped::of(us, "odom", "base_link", pose);
         if let Some(estimate) = frame.estimate {
-            let odom = odom_in_map(&mapper_pose(estimate.pose), pose);
+            let odom = odom_in_map(&mapper_pose(estimate.pose), &mapper_pose(pose));
             transforms.push(TransformStamped::of(us, "map", "odom", odom));
         }
         transforms.push(transform);

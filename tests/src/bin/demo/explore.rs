@@ -48,8 +48,7 @@ pub fn run(
     if let Err(error) = &run.drive {
         println!("     ended early: {error}");
     }
-    run.localisation.save_map(&out.join("map"))?;
-    run.localisation.raw.save_map(&out.join("map-raw"))?;
+    run.localisation.save_maps(&out.join("map"))?;
     let grid = run.localisation.localiser.grid();
     recorder.finish(board.now_us(), grid, run.localisation.odom_in_map())?;
     let map = map_plot::map(grid)?;

@@ -93,7 +93,7 @@ pub fn page(report: &Value, bars: &Bars, command: &str) -> String {
         "\nErrors compare the pose in a frame with the truth at the last tick before it.\n\n\
          `map.png` the map · `map.pgm`, `map.yaml` the same for ROS map_server · `trajectory.png` estimated \
          against true path over the map and the true walls · `uart.log` the STM's log · `report.json` these \
-         figures for scripts · after exploring `map-raw.*` the map by odometry alone, `error.png` the errors over \
+         figures for scripts · `map-raw.*` the map by odometry alone · after exploring `error.png` the errors over \
          time, `recording.mcap` every report\n\nRepeat: `{command}`\n"
     );
     page

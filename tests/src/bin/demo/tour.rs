@@ -1,4 +1,4 @@
-//! The default room's tour in an ideal world: what the odometry alone is good for.
+//! The default room's tour in an ideal world: the reported poses, and the map as `robot map` makes it of them.
 
 use std::error::Error;
 use std::path::Path;
@@ -8,12 +8,13 @@ use host_link::pose::Pose;
 use host_link::session::{RATE_HZ, Session};
 use mapper::{map_iou, map_plot};
 use pilot::drive::{self, ArrivalCriteria};
-use pilot::mapping::{BODY_MM, Mapping, RangeSample, mapper_config, mapper_pose, reported_pose};
+use pilot::exploring::Localisation;
+use pilot::mapping::{BODY_MM, RangeSample, reported_pose};
 use robot_tests::exploration::{CELL_MM, READY_MS, TOLERANCE_MM};
 use robot_tests::truth_track::TruthTrack;
 use serde_json::{Value, json};
 use twin::Board;
-use twin::plant::{Pose2, Room};
+use twin::plant::Room;
 
 use super::Timer;
 
@@ -25,9 +26,8 @@ pub fn run(
     out: &Path,
 ) -> Result<Value, Box<dyn Error>> {
     let mut session = Session::open(machine, RATE_HZ, READY_MS)?;
-    let mut mapping = Mapping::new(mapper_config(session.config(), BODY_MM, CELL_MM));
     let mut truth = TruthTrack::new(board);
-    let (mut estimate, mut true_path) = (Vec::new(), Vec::new());
+    let (mut samples, mut true_path) = (Vec::new(), Vec::new());
     // Distance and turn to the truth at the tick, and at the frame's end: worst of each, and the last.
     let (mut worst, mut last) = ([[0.0_f64; 2]; 2], [0.0; 2]);
     let way: Vec<Pose> = room.tour.iter().map(reported_pose).collect();
@@ -49,9 +49,8 @@ pub fn run(
                 ];
                 *worst = [worst[0].max(last[0]), worst[1].max(last[1])];
             }
-            estimate.push(sample.pose);
+            samples.push(sample);
             true_path.push(poses[0]);
-            mapping.add(&sample);
         },
         |index, arrival| {
             let (pose, number, count) = (arrival.pose, index + 1, way.len());
@@ -69,11 +68,15 @@ pub fn run(
     let mut figures = timer.figures(board);
     // The default room's frame is the robot's: where it stood at its reset.
     let walls = room.visible_surfaces();
-    let grid = mapping.mapper().grid();
-    mapping.save_map(&out.join("map"))?;
+    let mut localisation = Localisation::new(session.config(), BODY_MM, CELL_MM);
+    for sample in &samples {
+        localisation.observe(sample);
+    }
+    let grid = localisation.localiser.grid();
+    localisation.save_maps(&out.join("map"))?;
     std::fs::write(out.join("map.png"), map_plot::map(grid)?)?;
-    let estimate: Vec<Pose2> = estimate.into_iter().map(mapper_pose).collect();
-    let trajectory = map_plot::trajectory(grid, &estimate, &true_path, &walls)?;
+    let path = &localisation.path;
+    let trajectory = map_plot::trajectory(grid, path, &true_path, &walls)?;
     std::fs::write(out.join("trajectory.png"), trajectory)?;
     let score = map_iou(grid, &walls, TOLERANCE_MM);
     super::extend(
