@@ -36,7 +36,7 @@ fuzz_target!(|data: &[u8]| {
                 assert_eq!(link.rejected, link.causes.total());
                 assert!(link.recent_gap_us <= link.worst_gap_us);
             }
-            LogLine::Other => {}
+            LogLine::Rangefinder { .. } | LogLine::Other => {}
         }
     }
     let mut recorder = SampleRecorder::default();

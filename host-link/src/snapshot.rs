@@ -121,7 +121,7 @@ impl Snapshot {
     /// Takes over a line of the STM's log.
     pub fn take_line(&mut self, line: LogLine) {
         match line {
-            LogLine::Link(link) => self.stm = Some(link),
+            LogLine::Link(counters) => self.stm = Some(counters),
             LogLine::Rangefinder { which, silent } => self.silent[which as usize] = silent,
             _ => {}
         }
