@@ -141,7 +141,7 @@ impl Reader {
     }
 }
 
-/// The stream's registers and what became of the bytes.
+/// The stream's registers, and the far end.
 #[derive(Clone, PartialEq, Eq, Hash)]
 struct Dma {
     /// The transfer, while the stream is enabled.

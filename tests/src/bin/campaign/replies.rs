@@ -119,13 +119,13 @@ impl Replies {
         lies.extend(earlier.map(|lie| ("a reply lies about the pose", lie)));
         let (before, base) = self.before.unwrap_or_default();
         let mut ticks = (due..self.ticks.len()).take(2);
-        let told = moved(before.pose, report.pose);
+        let shown = moved(before.pose, report.pose);
         let follows = |tick: &usize| {
             let counted = moved(self.ticks[base].1, self.ticks[*tick].1);
-            let off = (told.x_mm - counted.x_mm).hypot(told.y_mm - counted.y_mm);
-            let turn = (told.heading_rad - counted.heading_rad).sin();
+            let off = (shown.x_mm - counted.x_mm).hypot(shown.y_mm - counted.y_mm);
+            let turn = (shown.heading_rad - counted.heading_rad).sin();
             // Codes of 1 µm and of 0.2 mrad.
-            turn.abs() < 5e-4 && off < 0.003 + 2e-4 * told.x_mm.hypot(told.y_mm)
+            turn.abs() < 5e-4 && off < 0.003 + 2e-4 * shown.x_mm.hypot(shown.y_mm)
         };
         let tick = ticks.find(follows);
         if tick.is_none() && !slips(&before) && !slips(report) {
@@ -133,15 +133,15 @@ impl Replies {
             self.unless_slip = Some(format!("{:?}, counted {counted:?}", report.pose));
         }
         self.before = Some((*report, tick.unwrap_or(due)));
-        let (pings, told) = (board.pings(), report.ranges.map(DistanceCode::to_distance));
-        let told = told.map(|range| range.map(|range| range.0.to_num()));
-        if !(0..3).all(|sensor| self.has_measured(sensor, told[sensor], due, &pings)) {
-            lies.push(("a reply lies about a distance", format!("{told:?} mm")));
+        let (pings, shown) = (board.pings(), report.ranges.map(DistanceCode::to_distance));
+        let shown = shown.map(|range| range.map(|range| range.0.to_num()));
+        if !(0..3).all(|sensor| self.has_measured(sensor, shown[sensor], due, &pings)) {
+            lies.push(("a reply lies about a distance", format!("{shown:?} mm")));
         }
         let CellCode { cell, voltage } = report.cell;
-        let told = f64::from(voltage) / 200.0;
+        let shown = f64::from(voltage) / 200.0;
         let latest = || self.cells_v.iter().rev().take(FILTERED_MS);
-        let off = || latest().map(|cells| cells[usize::from(cell)] - told);
+        let off = || latest().map(|cells| cells[usize::from(cell)] - shown);
         let is_between = off().any(|off| off < 0.05) && off().any(|off| off > -0.05);
         if due >= 3 && !self.cells_unread && !is_between {
             lies.push(("a reply lies about a cell", format!("{:?}", report.cell)));
@@ -150,7 +150,7 @@ impl Replies {
     }
 
     /// Whether a sensor's last echo, or a newer one than the tick's, is this distance.
-    fn has_measured(&self, sensor: usize, told: Option<f64>, due: usize, pings: &[Ping]) -> bool {
+    fn has_measured(&self, sensor: usize, shown: Option<f64>, due: usize, pings: &[Ping]) -> bool {
         let (boot, data) = (self.ticks[0].0, self.ticks[due].0);
         for ping in pings.iter().rev().take_while(|ping| ping.at_ns > boot) {
             if ping.sensor != sensor {
@@ -163,19 +163,19 @@ impl Replies {
             let age_us = u32::try_from(data.saturating_sub(ping.at_ns) / 1_000);
             let age_us = age_us.map_or(f64::MAX, f64::from);
             let is_known = age_us > known.unwrap_or(SILENT_US).min(SILENT_US) + RISE_US;
-            let is_this = match (told, mm) {
-                (Some(told), Some(mm)) if self.clock_stops && !is_known && told < mm => true,
-                (Some(told), Some(mm)) => (told - mm).abs() < 1.0 + mm / 200.0,
+            let is_this = match (shown, mm) {
+                (Some(shown), Some(mm)) if self.clock_stops && !is_known && shown < mm => true,
+                (Some(shown), Some(mm)) => (shown - mm).abs() < 1.0 + mm / 200.0,
                 (None, Some(mm)) => self.lines_crossed || !(25.0..2_480.0).contains(&mm),
-                (told, None) => told.is_none(),
+                (shown, None) => shown.is_none(),
             };
             if is_this && age_us < OLDEST_US {
                 return true;
             }
             if is_known {
-                return told.is_none() && age_us > NEXT_US;
+                return shown.is_none() && age_us > NEXT_US;
             }
         }
-        told.is_none()
+        shown.is_none()
     }
 }
