@@ -4,7 +4,7 @@ use crate::log::LogLine;
 use crate::pose::Pose;
 use crate::statistics::{LinkStatistics, StmStatistics};
 use fw_core::eeprom::Config;
-use fw_core::types::Faults;
+use fw_core::types::{Faults, RangefinderId};
 use fw_core::wire::{DistanceCode, Field, GyroCode, Mode, Report, State};
 use serde::{Deserialize, Deserializer, Serialize};
 
@@ -157,6 +157,12 @@ pub fn fault_names(faults: Faults) -> Vec<&'static str> {
     faults.iter().map(|fault| fault.name).collect()
 }
 
+/// The names of the rangefinders that are silent, see [`Snapshot::silent`].
+pub fn silent_names(silent: [bool; 3]) -> impl Iterator<Item = &'static str> {
+    let all = RangefinderId::ALL.into_iter().zip(silent);
+    all.filter(|one| one.1).map(|one| one.0.name())
+}
+
 /// The name in this program's table.
 fn known(names: impl IntoIterator<Item = Name>, name: &str) -> Name {
     let mut names = names.into_iter();
@@ -187,7 +193,6 @@ mod tests {
     use super::*;
     use fw_core::binary64::Binary64;
     use fw_core::eeprom::{Image, fields};
-    use fw_core::types::RangefinderId;
 
     /// Of Guarded Velocity, before a report.
     fn before() -> Snapshot {

@@ -31,11 +31,7 @@ const PIECE_MM: f64 = 10.0;
 ///
 /// `walls` should hold the visible surfaces alone: a wall behind a cupboard is not missing.
 pub fn map_iou(grid: &Grid, walls: &[Segment], tolerance_mm: f64) -> MapScore {
-    let occupied: Vec<Point> = grid
-        .cells()
-        .filter(|&(column, row)| grid.cell(column, row) == Cell::Occupied)
-        .map(|(column, row)| grid.middle(column, row))
-        .collect();
+    let occupied: Vec<Point> = grid.occupied().collect();
     let near = |point: Point| {
         let mut cells = occupied.iter();
         cells.any(|&c| c.distance_mm(point) <= tolerance_mm)

@@ -148,6 +148,13 @@ impl Grid {
         (0..self.rows).flat_map(|row| (0..self.columns).map(move |column| (column, row)))
     }
 
+    /// The middle of every occupied cell, in the order of [`Self::cells`].
+    pub fn occupied(&self) -> impl Iterator<Item = Point> + '_ {
+        self.cells()
+            .filter(|&(column, row)| self.cell(column, row) == Cell::Occupied)
+            .map(|(column, row)| self.middle(column, row))
+    }
+
     /// Adds evidence to the cell at a point, within 2000 cells around the origin.
     pub fn add_at(&mut self, point: Point, log_odds: f32) {
         let Point { x_mm, y_mm } = point;

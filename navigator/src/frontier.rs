@@ -134,9 +134,7 @@ fn borders(
 pub(crate) fn unseen_surfaces(reach: &Reach, grid: &Grid, sight: &Sight) -> Vec<Target> {
     let map = reach.map;
     let points: Vec<Point> = grid
-        .cells()
-        .filter(|&(column, row)| grid.cell(column, row) == Cell::Occupied)
-        .map(|(column, row)| grid.middle(column, row))
+        .occupied()
         .filter(|&point| !sight.is_seen_closely(point))
         .collect();
     let mut targets = Vec::new();

@@ -1,10 +1,10 @@
 //! What counters and faults indicate, as sentences with what to check.
 
 use fw_core::eeprom::Config;
-use fw_core::types::{Faults, RangefinderId};
+use fw_core::types::Faults;
 use fw_core::wire::Cause;
 use host_link::error::Error;
-use host_link::snapshot::Snapshot;
+use host_link::snapshot::{Snapshot, silent_names};
 use host_link::statistics::RejectCounts;
 use host_link::uart::BAUD;
 
@@ -39,13 +39,8 @@ pub fn diagnose(snapshot: &Snapshot, config: &Config) -> Vec<String> {
             hints.push(gap("the STM's frames", recent_us, deadline_ms));
         }
     }
-    for (which, _) in RangefinderId::ALL
-        .iter()
-        .zip(snapshot.silent)
-        .filter(|one| one.1)
-    {
-        hints.push(Error::SilentRangefinder(which.name()).to_string());
-    }
+    let silent = silent_names(snapshot.silent).map(Error::SilentRangefinder);
+    hints.extend(silent.map(|error| error.to_string()));
     for fault in Faults::TABLE {
         if snapshot.faults.contains(&fault.name) {
             let is_battery =

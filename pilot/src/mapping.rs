@@ -174,7 +174,7 @@ mod tests {
     use super::*;
     use crate::exploring::Localisation;
     use fw_core::eeprom::{Image, fields};
-    use mapper::{Cell, Point};
+    use mapper::Point;
 
     // Requirement: DOC-2.2-2, WIRE-platform-4, WIRE-platform-5
     #[test]
@@ -234,13 +234,8 @@ mod tests {
             });
         }
         for map in [&localisation.localiser, &localisation.raw] {
-            let grid = map.grid();
-            let occupied = grid
-                .cells()
-                .filter(|&(c, r)| grid.cell(c, r) == Cell::Occupied);
-            let (left, right): (Vec<f64>, Vec<f64>) = occupied
-                .map(|(c, r)| grid.middle(c, r).y_mm)
-                .partition(|y_mm| *y_mm > 0.0);
+            let occupied = map.grid().occupied().map(|at| at.y_mm);
+            let (left, right): (Vec<f64>, Vec<f64>) = occupied.partition(|y_mm| *y_mm > 0.0);
             assert!(
                 left.len() > 10 && left.iter().all(|y_mm| (y_mm - 1000.0).abs() < 50.0),
                 "{left:?}"

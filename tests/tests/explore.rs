@@ -2,7 +2,7 @@
 //! and what goes wrong on the way.
 
 use host_link::error::Error;
-use mapper::{Cell, Grid, Point};
+use mapper::{Grid, Point};
 use pilot::calibrate::explored::Explored;
 use pilot::calibrate::wheel_geometry::WheelGeometry;
 use robot_tests::exploration::{self, Figures};
@@ -21,15 +21,19 @@ fn small_room() -> Room {
     room.with_box(&corner, 300.0, 300.0)
 }
 
-/// Explores it with a body of this radius, mm, while `disturb` does what it likes at a time, s, with the map so far;
-/// checks that the robot comes home without a collision.
-fn explore(seed: u64, body_mm: f64, mut disturb: impl FnMut(&Board, f64, &Grid)) -> Figures {
-    let room = small_room();
-    let mut options = exploration::options(&room, Imperfections::default(), seed);
+/// In it, a robot with a body of this radius, mm.
+fn rig(seed: u64, body_mm: f64) -> Rig {
+    let mut options = exploration::options(&small_room(), Imperfections::default(), seed);
     exploration::set_body(&mut options, body_mm);
     let settings = exploration::settings().expect("accepted");
     options.eeprom = Some(settings.image().0.to_vec());
-    let rig = Rig::new(options);
+    Rig::new(options)
+}
+
+/// Explores it with a body of this radius, mm, while `disturb` does what it likes at a time, s, with the map so far;
+/// checks that the robot comes home without a collision.
+fn explore(seed: u64, body_mm: f64, mut disturb: impl FnMut(&Board, f64, &Grid)) -> Figures {
+    let (room, rig) = (small_room(), rig(seed, body_mm));
     let mut reports = 0.0;
     let run = exploration::explore(&mut rig.io(), &rig, |step| {
         reports += 1.0;
@@ -82,10 +86,7 @@ fn jam_slip_and_silence_are_answered_and_room_is_mapped() {
 // Requirement: NAV-recovery-1
 #[test]
 fn rangefinder_that_stays_unplugged_ends_the_drive_by_its_name() {
-    let mut options = exploration::options(&small_room(), Imperfections::default(), 25);
-    let settings = exploration::settings().expect("accepted");
-    options.eeprom = Some(settings.image().0.to_vec());
-    let rig = Rig::new(options);
+    let rig = rig(25, 100.0);
     let mut time_s = 0.0;
     let run = exploration::explore(&mut rig.io(), &rig, |_| {
         time_s += 1.0 / 40.0;
@@ -117,9 +118,7 @@ fn wide_robot_drives_around_what_comes_and_goes() {
             left_s = -1.0;
         }
         let is_at = |at: Point| (80.0..150.0).contains(&at.distance_mm(visitor));
-        seen |= grid.cells().any(|(column, row)| {
-            grid.cell(column, row) == Cell::Occupied && is_at(grid.middle(column, row))
-        });
+        seen |= grid.occupied().any(is_at);
     });
     assert!(seen && left_s < 0.0, "{seen} {left_s}");
 }

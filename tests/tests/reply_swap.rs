@@ -56,13 +56,12 @@ impl Built {
     /// A stream that is armed has one reply; at a refresh the fresh one lies complete in one of the buffers.
     fn note(&mut self, snapshot: &Snapshot, base: u64) {
         let buffers = snapshot.bytes.chunks(BUFFER).map(<[u8]>::to_vec);
-        match snapshot.written {
-            Some(armed) if snapshot.register == S3M0AR => {
-                let nth = usize::try_from((armed - base) / BUFFER as u64).expect("a buffer");
-                self.replies = buffers.skip(nth).take(1).collect();
-            }
-            _ if is_refresh(snapshot) => self.replies.extend(buffers),
-            _ => {}
+        if snapshot.written && snapshot.register == S3M0AR {
+            let nth = (snapshot.value - base) / BUFFER as u64;
+            let nth = usize::try_from(nth).expect("a buffer");
+            self.replies = buffers.skip(nth).take(1).collect();
+        } else if is_refresh(snapshot) {
+            self.replies.extend(buffers);
         }
     }
 
@@ -73,7 +72,7 @@ impl Built {
 
 /// The firmware looks how far the transmitter has come: then it refreshes the armed reply, or does not.
 fn is_refresh(access: &Snapshot) -> bool {
-    access.register == S3NDTR && access.written.is_none()
+    access.register == S3NDTR && !access.written
 }
 
 fn options(mode: u8, room: Room) -> Options {
@@ -127,8 +126,8 @@ impl Drive {
             self.exchange();
         }
         let accesses = self.rig.take_snapshots();
-        let armed = accesses.iter().filter(|access| access.register == S3M0AR);
-        let armed = armed.filter_map(|access| access.written);
+        let is_armed = |access: &&Snapshot| access.written && access.register == S3M0AR;
+        let armed = accesses.iter().filter(is_armed).map(|access| access.value);
         self.base = armed.min().expect("armed") - (BUFFERS - 1) * BUFFER as u64;
         let refresh = accesses.iter().rfind(|access| is_refresh(access));
         let refresh = refresh.expect("refreshed");

@@ -88,7 +88,7 @@ fn tick_within_its_timers_handler_is_not_lost() {
     rig.trace_memory(&[TIM5_SR], 0..0);
     let _ = rig.keep_sending(&ahead(), 50_000);
     let accesses = rig.take_snapshots();
-    let clears = accesses.iter().rfind(|access| access.written.is_some());
+    let clears = accesses.iter().rfind(|access| access.written);
     let clears = clears.expect("a flag was cleared").instruction;
     rig.trace_writes(TIM5_CCR1);
     // Longer than from the battery's conversion, whichever of the next arrivals it is, to the tick.

@@ -92,7 +92,7 @@ impl Tracer {
         self.snapshots.push(Snapshot {
             at_ns: access.virtual_time.0,
             register: access.address,
-            written: (access.kind == AccessKind::Write).then_some(value),
+            written: access.kind == AccessKind::Write,
             value,
             instruction: access.program_counter.unwrap_or_default(),
             bytes: bytes.filter_map(|byte| byte.try_into().ok()).collect(),

@@ -226,11 +226,7 @@ mod tests {
     }
 
     fn occupied(evidence: &Evidence) -> Vec<Point> {
-        let grid = &evidence.grid;
-        let cells = grid
-            .cells()
-            .filter(|&(c, r)| grid.cell(c, r) == Cell::Occupied);
-        cells.map(|(c, r)| grid.middle(c, r)).collect()
+        evidence.grid.occupied().collect()
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! Tests of what the localiser keeps, and of where a stretch ends.
 
 use super::*;
-use crate::{Cell, Point};
+use crate::Point;
 
 /// A report at a heading of the odometry, the front sensor turned aside.
 fn report(nth: u32, heading_rad: f64, front: (Option<f64>, f64)) -> Observation {
@@ -205,17 +205,8 @@ fn without_correction_pose_and_map_are_those_of_odometry() {
     let learned = localiser.calibration();
     let learned = (learned.gyro_scale.0, learned.gyro_bias_rad_s.0);
     assert_eq!(learned, (1.0, 0.0));
-    let grid = localiser.grid();
-    let occupied = grid
-        .cells()
-        .filter(|&(c, r)| grid.cell(c, r) == Cell::Occupied);
-    let walls: Vec<Point> = occupied
-        .map(|(c, r)| {
-            Pose2::at(grid.middle(c, r), 0.0)
-                .relative_to(&begin)
-                .position()
-        })
-        .collect();
+    let at_begin = |at| Pose2::at(at, 0.0).relative_to(&begin).position();
+    let walls: Vec<Point> = localiser.grid().occupied().map(at_begin).collect();
     assert!(walls.len() > 50);
     assert!(
         walls.iter().all(|at| (at.y_mm - 600.0).abs() < 40.0),

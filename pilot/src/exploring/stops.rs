@@ -1,7 +1,7 @@
 //! What stops a drive by a plan.
 
 use crate::mapping::RangeSample;
-use fw_core::types::{Faults, RangefinderId};
+use fw_core::types::Faults;
 use fw_core::wire::{Report, State};
 use host_link::error::Error;
 use host_link::snapshot;
@@ -44,13 +44,9 @@ impl Stops {
         sample: &RangeSample,
         time_s: f64,
     ) -> Result<Option<StopReason>, Error> {
-        let silent = RangefinderId::ALL
-            .iter()
-            .zip(sample.silent)
-            .find(|one| one.1);
-        if let Some((which, _)) = silent {
+        if let Some(name) = snapshot::silent_names(sample.silent).next() {
             if time_s - *self.silent_s.get_or_insert(time_s) > SILENCE_S {
-                return Err(Error::SilentRangefinder(which.name()));
+                return Err(Error::SilentRangefinder(name));
             }
         } else {
             self.silent_s = None;

@@ -73,9 +73,9 @@ pub struct Snapshot {
     pub at_ns: u64,
     /// The register's address.
     pub register: u64,
-    /// The value written; none for a read.
-    pub written: Option<u64>,
-    /// The value written or read.
+    /// Whether it was written, not read …
+    pub written: bool,
+    /// … and its value.
     pub value: u64,
     /// The address of the accessing instruction.
     pub instruction: u64,
