@@ -96,6 +96,9 @@ fn send(pi: &mut PiLink, command: &Command, robot: &mut Robot, now: Micros, log:
     }
 }
 
+/// Most ticks by which the window of a wheel of little headroom grows here.
+const MORE: u32 = 50;
+
 /// What is found at the wheels.
 const WHEELS: Faults = Faults::LEFT_STALLED
     .union(Faults::RIGHT_STALLED)
@@ -105,8 +108,8 @@ const WHEELS: Faults = Faults::LEFT_STALLED
 
 /// A robot whose wheels do not turn is stopped in time: commanded to turn from a start, by any percentage,
 /// it brakes and is faulted after [`EARLIEST`](drive_monitor::EARLIEST) ticks at the earliest, and after
-/// [`FROM_REST`](drive_monitor::FROM_REST) at the latest where a wheel gets 25 % beyond its dead zone. What is
-/// latched stays, whatever the Pi says but clearing it.
+/// [`FROM_REST`](drive_monitor::FROM_REST) at the latest where a wheel gets 25 % beyond its dead zone, or its limit
+/// and the longer window that it leaves. What is latched stays, whatever the Pi says but clearing it.
 // Requirement: WIRE-status-1, WIRE-status-3
 pub fn blocked_wheels_stop_the_robot(values: AcceptedConfig, now: Micros, percent: i8) -> Seen {
     let values = values
@@ -127,7 +130,7 @@ pub fn blocked_wheels_stop_the_robot(values: AcceptedConfig, now: Micros, percen
     let mut pi = PiLink::new(config.link_setup());
     let mut log = Log::<1024>::new();
     let mut after = None;
-    for tick in 0..=drive_monitor::FROM_REST + 20 {
+    for tick in 0..=drive_monitor::FROM_REST + MORE {
         let command = Command {
             percent: Binary64::from_scaled(percent.into(), 0),
             ..Command::default()
@@ -144,10 +147,14 @@ pub fn blocked_wheels_stop_the_robot(values: AcceptedConfig, now: Micros, percen
         }
         assert!(accused == after.is_some());
     }
-    if driven.iter().any(|&beyond| beyond >= drive_monitor::DRIVEN) {
-        assert!(after.is_some_and(|after| after <= drive_monitor::FROM_REST));
+    let parameters = drive_monitor::Parameters::of(&config);
+    for (wheel, beyond) in driven.into_iter().enumerate() {
+        let more = parameters.more(wheel);
+        if beyond >= parameters.driven(wheel) && more <= MORE {
+            assert!(after.is_some_and(|after| after <= drive_monitor::FROM_REST + more));
+        }
     }
-    if driven.iter().all(|&beyond| beyond < drive_monitor::IDLE) {
+    if (0..2).all(|wheel| driven[wheel] << 8 < parameters.judged(wheel)) {
         assert!(after.is_none());
     }
     assert!(after.is_none_or(|after| after >= drive_monitor::EARLIEST));
@@ -158,6 +165,7 @@ pub fn blocked_wheels_stop_the_robot(values: AcceptedConfig, now: Micros, percen
         )
         .case(1, after.is_some_and(|after| after < 65))
         .case(2, after.is_none() && percent != 0)
+        .case(3, after > Some(drive_monitor::FROM_REST))
 }
 
 crate::properties! {
@@ -169,7 +177,7 @@ crate::properties! {
         sampled 50_000;
     }
     property T14 blocked_wheels_stop_the_robot(values: AcceptedConfig, now: Micros, percent: i8) {
-        cases ["as late as can be", "at full drive", "too little to tell"];
+        cases ["as late as can be", "at full drive", "too little to tell", "little headroom"];
         needs [accepted_configuration_is_bounded, broken_wheel_is_detected_in_time];
         sampled 20_000;
     }

@@ -11,6 +11,9 @@
 //! time: the fault takes 0.62 to 0.95 s from a start, at most 0.99 s with a constant drive before, at
 //! most 1.27 s after anything else, and longer between 20 and 25 %. Below 20 %, braked or coasting,
 //! a wheel is not judged.
+//!
+//! A wheel whose `limit` exceeds its dead zone by less than 25 % is judged from four fifths of that
+//! on, for as much longer as it is driven less: half a second of 25 % is 1.25 s of 10 %.
 
 use super::mixer::MotorLag;
 use crate::eeprom::{Config, Wheel};
@@ -18,43 +21,47 @@ use crate::types::{Delta, Faults, MotorCommand, MotorCommands};
 
 /// Smallest duty beyond the dead zone that must turn a wheel, 2⁻⁸ hundredths of a percent.
 const MIN_DRIVE: i32 = 2000 << 8;
-/// Ticks over which a wheel is judged.
-const WINDOW_TICKS: u8 = 50;
+/// Drive over which a wheel is judged, summed over the ticks: half a second of [`MIN_DRIVE`].
+const WINDOW: i32 = 50 * MIN_DRIVE;
 
 /// Monitor of one wheel.
 #[derive(Clone, Copy, Debug)]
 struct WheelMonitor {
-    faults: WheelFaults,
     reversed: bool,
     /// Hundredths of a percent.
     dead_zone: i32,
+    /// Smallest drive that must turn it, in the unit of [`MIN_DRIVE`].
+    min_drive: i32,
     /// In the unit of [`MIN_DRIVE`].
     lag: MotorLag,
-    ticks: u8,
+    /// Ticks since the window began, each `min_drive`.
+    driven: i32,
     /// Counts in the direction of the duty since the window began.
     counts: i32,
 }
 
-/// Fault bits of a wheel.
-#[derive(Clone, Copy, Debug)]
-struct WheelFaults {
-    stalled: Faults,
-    reversed: Faults,
-}
+// What is found of a wheel is named as the left one's; the right one's are the next bits.
+const _: () = {
+    assert!(Faults::RIGHT_STALLED.bits() == Faults::LEFT_STALLED.bits() << 1);
+    assert!(Faults::RIGHT_REVERSED.bits() == Faults::LEFT_REVERSED.bits() << 1);
+};
 
 impl WheelMonitor {
-    const fn new(wheel: &Wheel, faults: WheelFaults) -> Self {
+    fn new(wheel: &Wheel) -> Self {
+        let (limit, dead_zone) = (wheel.limit.hundredths(), wheel.dead_zone.hundredths());
+        // Four fifths of 2⁸; `dead_zone` is below `limit`.
+        let min_drive = (i32::from(limit - dead_zone) * 204).min(MIN_DRIVE);
         Self {
-            faults,
             reversed: wheel.motor_reversed,
-            dead_zone: wheel.dead_zone.hundredths() as i32,
+            dead_zone: i32::from(dead_zone),
+            min_drive,
             lag: MotorLag([0; 2]),
-            ticks: 0,
+            driven: 0,
             counts: 0,
         }
     }
 
-    /// The faults found in this tick.
+    /// The faults found in this tick, as the left wheel's.
     fn step(&mut self, command: MotorCommand, counts: i32, min_counts: i32) -> Faults {
         let MotorCommand::Run(duty) = command else {
             // The window restarts below: the lagged drive begins at nearly nothing.
@@ -72,21 +79,21 @@ impl WheelMonitor {
         } else {
             -drive.max(lagged)
         };
-        if driven < MIN_DRIVE {
-            (self.ticks, self.counts) = (0, 0);
+        if driven < self.min_drive {
+            (self.driven, self.counts) = (0, 0);
             return Faults::NONE;
         }
-        // A jump is another fault; here it must not overflow.
-        let counts = counts.clamp(-0x8000, 0x8000);
+        // A jump is another fault; here it must not overflow, in at most 126,000 ticks.
+        let counts = counts.clamp(-0x4000, 0x4000);
         self.counts += if drive > 0 { counts } else { -counts };
-        self.ticks += 1;
-        if self.ticks < WINDOW_TICKS {
+        self.driven += self.min_drive;
+        if self.driven < WINDOW {
             return Faults::NONE;
         }
-        self.ticks = 0;
+        self.driven = 0;
         match core::mem::take(&mut self.counts) {
-            turned if turned <= -min_counts => self.faults.reversed,
-            turned if turned < min_counts => self.faults.stalled,
+            turned if turned <= -min_counts => Faults::LEFT_REVERSED,
+            turned if turned < min_counts => Faults::LEFT_STALLED,
             _ => Faults::NONE,
         }
     }
@@ -108,20 +115,8 @@ impl DriveMonitor {
     pub fn new(config: &Config) -> Self {
         let turn = i32::from(config.counts_per_turn());
         Self {
-            left: WheelMonitor::new(
-                config.left(),
-                WheelFaults {
-                    stalled: Faults::LEFT_STALLED,
-                    reversed: Faults::LEFT_REVERSED,
-                },
-            ),
-            right: WheelMonitor::new(
-                config.right(),
-                WheelFaults {
-                    stalled: Faults::RIGHT_STALLED,
-                    reversed: Faults::RIGHT_REVERSED,
-                },
-            ),
+            left: WheelMonitor::new(config.left()),
+            right: WheelMonitor::new(config.right()),
             min_counts: (turn / 128).max(2),
             max_counts: (turn / 10),
         }
@@ -131,10 +126,11 @@ impl DriveMonitor {
     // Requirement: WIRE-status-3
     #[must_use]
     pub fn step(&mut self, commands: &MotorCommands, delta: &Delta) -> Faults {
-        let mut faults = self.left.step(commands.left, delta.left, self.min_counts)
-            | self
-                .right
-                .step(commands.right, delta.right, self.min_counts);
+        let left = self.left.step(commands.left, delta.left, self.min_counts);
+        let right = self
+            .right
+            .step(commands.right, delta.right, self.min_counts);
+        let mut faults = left | Faults::from_bits(right.bits() << 1);
         if delta.left.saturating_abs() > self.max_counts
             || delta.right.saturating_abs() > self.max_counts
         {

@@ -1,5 +1,6 @@
 //! The robot's log lines, and how often each may come.
 
+use super::supervisor::Halt;
 use crate::log::{Level, Line, Log};
 use crate::sensing::EchoStats;
 use crate::types::{Duty, Faults, Milliseconds, RangefinderId};
@@ -97,13 +98,7 @@ impl EventLog {
     /// suppressed ones, or a new target; at most one line, since a line is the longest thing that a tick
     /// does. Returns whether there was one.
     // Requirement: DOC-2.1-3
-    pub(super) fn tick(
-        &mut self,
-        state: State,
-        faults: Faults,
-        obstacle: bool,
-        log: &mut Log,
-    ) -> bool {
+    pub(super) fn tick(&mut self, state: State, halt: Halt, obstacle: bool, log: &mut Log) -> bool {
         self.quiet_ticks = self.quiet_ticks.saturating_sub(1);
         self.until_free = match self.until_free {
             0 => 0,
@@ -116,7 +111,7 @@ impl EventLog {
                 State::Booting => (Level::Info, "booting"),
                 State::Ready => (Level::Info, "ready"),
                 State::Moving => (Level::Info, "moving"),
-                State::Stopped if faults.intersects(Faults::LINK_LOST) => {
+                State::Stopped if halt == Halt::Silence => {
                     (Level::Warn, "stopped: no fresh frame in time")
                 }
                 State::Stopped => (Level::Warn, "stopped"),

@@ -18,7 +18,7 @@ mod slip_monitor;
 mod supervisor;
 
 pub use io::{ReceivedFrame, TickInput, TickOutput, leds};
-pub use supervisor::{AllowedMotion, Supervisor, SupervisorCommand};
+pub use supervisor::{AllowedMotion, Halt, Supervisor, SupervisorCommand};
 
 use crate::eeprom::Config;
 use crate::log::{Level, Log};
@@ -367,7 +367,7 @@ impl Robot {
     fn log_tick(&mut self, now: Micros, log: &mut Log) {
         let mut busy = self.event_log.tick(
             self.supervisor.state(),
-            self.supervisor.faults(),
+            self.supervisor.halt(),
             self.report.obstacle_limited,
             log,
         );

@@ -30,6 +30,17 @@ pub enum AllowedMotion {
     Drive,
 }
 
+/// Why the motors must stand still.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Halt {
+    /// They need not.
+    None,
+    /// By order, by a fault or after a restart.
+    Ordered,
+    /// No fresh frame came in time.
+    Silence,
+}
+
 /// State, latched faults and stop deadline.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Supervisor {
@@ -38,8 +49,8 @@ pub struct Supervisor {
     linked: bool,
     state: State,
     faults: Faults,
-    /// Stopped by the deadline, by order or by a fault, until an explicit resume.
-    halted: bool,
+    /// Until an explicit resume.
+    halt: Halt,
 }
 
 impl Supervisor {
@@ -50,7 +61,7 @@ impl Supervisor {
             linked: false,
             state: State::Ready,
             faults: Faults::NONE,
-            halted: false,
+            halt: Halt::None,
         }
     }
 
@@ -61,7 +72,12 @@ impl Supervisor {
 
     /// Whether the motors must stand still until an explicit resume.
     pub const fn halted(&self) -> bool {
-        self.halted
+        !matches!(self.halt, Halt::None)
+    }
+
+    /// Why they must.
+    pub const fn halt(&self) -> Halt {
+        self.halt
     }
 
     /// Latched faults, see [`Faults::TABLE`].
@@ -76,7 +92,7 @@ impl Supervisor {
         self.faults = self.faults.union(faults);
         if self.faults.intersects(Faults::BLOCKING) {
             self.state = State::Faulted;
-            self.halted = true;
+            self.halt = Halt::Ordered;
         }
     }
 
@@ -95,16 +111,18 @@ impl Supervisor {
         self.deadline.fresh(now);
         // The sender may still command what it did before the restart: only an explicit resume moves the robot.
         // Requirement: WIRE-safe-2
-        self.halted |= !self.linked && self.faults.intersects(Faults::RESTARTED);
+        if !self.linked && self.faults.intersects(Faults::RESTARTED) {
+            self.halt = Halt::Ordered;
+        }
         self.linked = true;
         self.faults = self.faults.difference(command.clear_faults);
         match command.order {
-            Order::Stop => self.halted = true,
-            Order::Resume => self.halted = false,
+            Order::Stop => self.halt = Halt::Ordered,
+            Order::Resume => self.halt = Halt::None,
             Order::None => {
                 if command.resumes {
                     self.faults = self.faults.difference(Faults::LINK_LOST);
-                    self.halted = false;
+                    self.halt = Halt::None;
                 }
             }
         }
@@ -117,11 +135,11 @@ impl Supervisor {
         self.check_deadline(now);
         if self.faults.intersects(Faults::BLOCKING) {
             // Clearing the fault must not move the robot.
-            self.halted = true;
+            self.halt = Halt::Ordered;
             return AllowedMotion::Brake;
         }
         // Requirement: WIRE-deadline-2
-        if self.halted {
+        if self.halted() {
             self.state = State::Stopped;
             return AllowedMotion::Brake;
         }
@@ -143,7 +161,7 @@ impl Supervisor {
     #[inline(always)]
     fn check_deadline(&mut self, now: Micros) {
         if self.linked && self.deadline.expired(now) {
-            self.halted = true;
+            self.halt = Halt::Silence;
             self.faults |= Faults::LINK_LOST;
         }
     }
@@ -184,6 +202,27 @@ mod tests {
             assert_eq!(supervisor.on_tick(Micros(2), requested, busy), allowed);
             assert_eq!(supervisor.state(), state);
         }
+    }
+
+    #[test]
+    fn halt_is_by_silence_only_without_a_fresh_frame() {
+        let ordered = |order| SupervisorCommand { order, ..ALIVE };
+        let (mut supervisor, _) = after(APPLY, 1);
+        let mut lasts = |now: u32, command: Option<SupervisorCommand>| {
+            if let Some(command) = command {
+                supervisor.on_fresh(Micros(now), command);
+            }
+            let _ = supervisor.on_tick(Micros(now), true, true);
+            supervisor.halt()
+        };
+        assert_eq!(lasts(249_999, None), Halt::None);
+        assert_eq!(lasts(250_000, None), Halt::Silence);
+        // The fault stays latched.
+        assert_eq!(lasts(300_000, Some(ordered(Order::Resume))), Halt::None);
+        assert_eq!(lasts(310_000, Some(ordered(Order::Stop))), Halt::Ordered);
+        assert_eq!(lasts(320_000, Some(ordered(Order::Resume))), Halt::None);
+        // Late, and before a tick.
+        assert_eq!(lasts(600_000, Some(ALIVE)), Halt::Silence);
     }
 
     // Requirement: WIRE-safe-2

@@ -4,7 +4,7 @@
 //! of `proofs/tests/deadline_model.rs`.
 
 use fw_core::motion::StopDeadline;
-use fw_core::robot::{AllowedMotion, Supervisor, SupervisorCommand};
+use fw_core::robot::{AllowedMotion, Halt, Supervisor, SupervisorCommand};
 use fw_core::wire::{Order, State};
 
 use crate::input::{Input, Source};
@@ -68,6 +68,7 @@ pub fn silence_brakes(
     assert!(permit == AllowedMotion::Brake);
     assert!(supervisor.halted());
     let blocked = supervisor.faults().intersects(Faults::BLOCKING);
+    assert!(blocked != (supervisor.halt() == Halt::Silence));
     assert!(blocked == (supervisor.state() == State::Faulted));
     assert!(blocked != (supervisor.state() == State::Stopped));
     assert!(supervisor.faults().intersects(Faults::LINK_LOST));

@@ -13,6 +13,9 @@ enum Side {
 
 use Side::{Left, Right};
 
+/// Ticks over which a wheel is judged that may be driven by 25 % or more beyond its dead zone.
+const WINDOW_TICKS: usize = 50;
+
 impl Side {
     const fn stalled(self) -> Faults {
         [Faults::LEFT_STALLED, Faults::RIGHT_STALLED][self as usize]
@@ -72,7 +75,7 @@ fn standing_wheel_is_stalled_every_window() {
             let (first, _) = found[0];
             assert!((60..=90).contains(&first), "{side:?} {beyond}: {first}");
             for (number, &(tick, faults)) in found.iter().enumerate() {
-                assert_eq!(tick, first + number * usize::from(WINDOW_TICKS));
+                assert_eq!(tick, first + number * WINDOW_TICKS);
                 assert_eq!(faults, side.stalled(), "{side:?} {beyond}");
             }
         }
@@ -130,7 +133,7 @@ fn coarse_encoder_stands_below_two_counts() {
 fn pause_or_weak_drive_restarts_the_window() {
     for side in [Left, Right] {
         let (first, _) = faults(side, 5000, 0, 100)[0];
-        let window = usize::from(WINDOW_TICKS) - 1;
+        let window = WINDOW_TICKS - 1;
         for (pause, due) in [(MotorCommands::BRAKE, first), (side.driven(1000), window)] {
             let mut monitor = monitor();
             let turning = core::iter::repeat_n(side.driven(5000), first).chain([pause]);
@@ -141,6 +144,38 @@ fn pause_or_weak_drive_restarts_the_window() {
             let stalled = (0..200).find(|_| stands() == side.stalled());
             assert_eq!(stalled, Some(due), "{side:?}");
         }
+    }
+}
+
+#[test]
+fn narrow_headroom_lengthens_the_window() {
+    let dead_zone = first_board().left().dead_zone.hundredths();
+    // Hundredths of a percent between dead zone and limit, of which the second part is judged and the third not;
+    // ticks of a window.
+    for (headroom, judged, idle, window) in [
+        (2510, 2001, 1999, 50),
+        (2500, 1993, 1992, 51),
+        (1250, 997, 996, 101),
+        (100, 80, 79, 1255),
+        (1, 1, 0, 125_491),
+    ] {
+        let limit = u64::from((dead_zone + headroom).unsigned_abs());
+        let config = config_with(&[(fields::LIMIT_LEFT, limit)]);
+        let least = i32::from(config.counts_per_turn()) / 128;
+        let run = |beyond, counts: i32, ticks: usize| {
+            let mut monitor = DriveMonitor::new(&config);
+            let mut step = |counts| monitor.step(&Left.driven(beyond), &Left.rolled(counts));
+            // The first fault ends the lags' time.
+            let settled = (0..200_000).find(|_| !step(0).is_empty())?;
+            let mut after = (0..ticks).map(|tick| step(if tick == 0 { counts } else { 0 }));
+            Some((settled, after.position(|faults| !faults.is_empty())))
+        };
+        let (first, again) = run(judged, 0, window).unwrap_or_default();
+        assert!(first >= window, "{headroom}: {first}");
+        assert_eq!(again, Some(window - 1), "{headroom}");
+        let turned = run(judged, least, window).unwrap_or_default();
+        assert_eq!(turned, (first, None), "{headroom}");
+        assert_eq!(run(idle, 0, 1), None, "{headroom}");
     }
 }
 

@@ -40,21 +40,23 @@ fn stale(found: u8) -> FrameError {
 #[test]
 fn state_change_is_logged_once_with_its_level() {
     let mut event_log = EventLog::new(Milliseconds(0));
-    let others = Faults::ALL_BITS.difference(Faults::LINK_LOST);
-    let (lost, jump) = (Faults::LINK_LOST | Faults::SLIP, Faults::ENCODER_JUMP);
-    for (state, faults, line) in [
-        (State::Ready, Faults::NONE, "I: ready"),
-        (State::Moving, Faults::NONE, "I: moving"),
-        (State::Stopped, Faults::NONE, "W: stopped"),
-        (State::Ready, Faults::NONE, "I: ready"),
-        (State::Stopped, lost, "W: stopped: no fresh frame in time"),
-        (State::Faulted, jump, "E: faulted: motors off"),
-        (State::Stopped, others, "W: stopped"),
-        (State::Booting, Faults::NONE, "I: booting"),
+    for (state, halt, line) in [
+        (State::Ready, Halt::None, "I: ready"),
+        (State::Moving, Halt::None, "I: moving"),
+        (State::Stopped, Halt::Ordered, "W: stopped"),
+        (State::Ready, Halt::None, "I: ready"),
+        (
+            State::Stopped,
+            Halt::Silence,
+            "W: stopped: no fresh frame in time",
+        ),
+        (State::Faulted, Halt::Ordered, "E: faulted: motors off"),
+        (State::Stopped, Halt::Ordered, "W: stopped"),
+        (State::Booting, Halt::None, "I: booting"),
     ] {
         for expected in [&[line][..], &NOTHING] {
             let mut logged = false;
-            let lines = lines_of(|log| logged = event_log.tick(state, faults, false, log));
+            let lines = lines_of(|log| logged = event_log.tick(state, halt, false, log));
             assert_eq!(lines, expected);
             assert_eq!(logged, !expected.is_empty());
         }
@@ -75,7 +77,7 @@ fn rejected_frames_are_logged_once_a_second() {
         if tick == 600 {
             event_log.frame_rejected(stale(1));
         }
-        let logged = event_log.tick(State::Booting, Faults::NONE, false, &mut log);
+        let logged = event_log.tick(State::Booting, Halt::None, false, &mut log);
         let new = lines(&mut log);
         assert_eq!(logged, !new.is_empty());
         all.extend(new.into_iter().map(|line| (tick, line)));
@@ -97,7 +99,7 @@ fn state_is_logged_before_rejection_and_target() {
         "W: frame rejected: sequence at byte 9: stale, number 1 after 7",
         "I: target 500.000 -0.020 mm, 90.00 deg",
     ] {
-        let lines = lines_of(|log| _ = event_log.tick(State::Ready, Faults::NONE, false, log));
+        let lines = lines_of(|log| _ = event_log.tick(State::Ready, Halt::None, false, log));
         assert_eq!(lines, [expected]);
     }
 }
@@ -204,7 +206,7 @@ fn obstacle_is_logged_once_and_its_end_a_second_later() {
         let obstacle = (3..10).contains(&tick) || [20, 300, 400].contains(&tick);
         // A state's line goes first; the limit that comes back meanwhile has not ended.
         let state = [State::Booting, State::Ready][usize::from(tick >= 399)];
-        let _ = event_log.tick(state, Faults::NONE, obstacle, &mut log);
+        let _ = event_log.tick(state, Halt::None, obstacle, &mut log);
         all.extend(lines(&mut log).into_iter().map(|line| (tick, line)));
     }
     let begin = |tick| (tick, String::from("I: obstacle: speed limited"));
