@@ -138,12 +138,12 @@ fn scan_bus(uart: &mut Uart, log: &mut Log) {
         line.text(" sda ").int(SDA.is_high().into());
         line.text(" select ").int(SELECT.is_high().into());
     });
-    i2c::start();
     log.line(Level::Info, |line| {
         line.text("i2c found");
         // 0x00 to 0x07 and 0x78 to 0x7F are reserved by the bus's specification.
         for device in 0x08..0x78_u8 {
             watchdog::feed();
+            i2c::start();
             if i2c::address(device << 1).is_ok() {
                 line.text(" 0x").hex(device.into(), 2);
             }
@@ -152,6 +152,7 @@ fn scan_bus(uart: &mut Uart, log: &mut Log) {
     });
     drain(uart, log);
     let mut key = [0; 10];
+    i2c::start();
     let read = i2c::read(EEPROM, 0, &mut key, watchdog::feed);
     log.line(Level::Info, |line| {
         line.text("eeprom ");

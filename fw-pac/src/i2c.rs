@@ -129,7 +129,8 @@ fn transfer(
     outcome.and(if ended { Ok(()) } else { Err(Error::Stuck) })
 }
 
-/// START and the address byte, up to its acknowledge.
+/// START and the address byte, up to its acknowledge. A START that does not come leaves the interface disabled:
+/// CR1 must not be written before it has (RM0383, 18.6.1).
 ///
 /// # Errors
 /// See [`Error`].
@@ -139,7 +140,7 @@ pub fn address(byte: u8) -> Result<(), Error> {
         w.ack().set_bit();
         w.start().set_bit()
     });
-    step(|sr| sr.sb().bit_is_set())?;
+    step(|sr| sr.sb().bit_is_set()).inspect_err(|_| i2c.cr1().reset())?;
     i2c.dr().write(|w| w.dr().set(byte));
     step(|sr| sr.addr().bit_is_set())?;
     // SR1 has been read with ADDR set; reading SR2 clears it.

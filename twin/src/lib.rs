@@ -27,7 +27,8 @@
 //! Register by register, by `rigless`: RCC, PWR, FLASH, GPIO, DMA, USART, I2C (controller), ADC1
 //! with its temperature sensor and voltage reference, TIM1 to TIM3, TIM5, IWDG, NVIC, `SysTick`, DWT. By
 //! this crate: TIM4 as a PWM generator, TIM11's captures of the crystal's clock, EXTI, the multiplexer in SYSCFG,
-//! SPI1 as a slave, the NACK that ends an I2C reception by DMA, a bus held low, a crystal that does not start. On
+//! SPI1 as a slave, the I2C's START and STOP with their time and the NACK that ends a reception by DMA, a bus held
+//! low, a crystal that does not start. On
 //! the board: the EEPROM with its write cycle, page wrap and write protection, the I2C switch, the MPU6050's
 //! vertical gyroscope, the RESET line, quadrature edges, the bridge, battery taps behind their dividers, three
 //! rangefinders with trigger, echo and crosstalk, the front one's servo, the log's UART at its bit rate.
@@ -37,8 +38,8 @@
 //!   ([`trace::cycles`]) with the flash's wait states, loads and branches. Entering or leaving an exception
 //!   takes no time.
 //! - DMA moves a word at the instant it is requested.
-//! - A START or STOP of the I2C takes no time; the converter goes on without `DDS`; a peripheral answers at
-//!   once after its clock is enabled; the LSI, and the watchdog with it, runs at exactly 32 kHz.
+//! - The converter goes on without `DDS`; a peripheral answers at once after its clock is enabled; the LSI, and the
+//!   watchdog with it, runs at exactly 32 kHz.
 //! - A peripheral of the part without a model (SPI2 to SPI5, TIM9, TIM10, CRC, WWDG, SDIO, OTG)
 //!   answers from its registers alone, and [`Board::unmodelled`] reports every access.
 //! - The brown-out reset: the supply falls for the detector, the flash and the converter alone.

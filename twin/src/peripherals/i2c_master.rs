@@ -1,5 +1,8 @@
-//! `rigless`'s I2C controller with five additions.
+//! `rigless`'s I2C controller with six additions.
 //!
+//! - A START or STOP takes a period of SCL, about what a fast bus demands between STOP and START, and before and
+//!   behind START (UM10204, table 10); requested during a byte it comes at its end. Until it has come the program
+//!   must not write CR1 (RM0383 section 18.6.1, the note to its bits), but may disable or reset the interface.
 //! - The last byte of a DMA reception. With `LAST` set (RM0383 section 18.3.8, 18.6.2 bit 12) the
 //!   hardware answers the byte that ends the stream's count with a NACK. The part sets
 //!   [`I2cPeripheral::next_is_last`] from the stream's count.
@@ -11,7 +14,7 @@
 //!   `BUSY` stays until `PE` is cleared, since the interface sees no STOP, and sends none as a slave.
 
 use rigless::device::{Device, DeviceContext, Level, RegisterFile, RequestChange};
-use rigless::soc::stm32f427::generated::i2c3::{Register, cr1, cr2, sr1, sr2};
+use rigless::soc::stm32f427::generated::i2c3::{Register, ccr, cr1, cr2, sr1, sr2};
 use rigless::soc::stm32f427::peripherals::i2c::I2c;
 use rigless::soc::{FieldSpec, RegisterSpec};
 use rigless::time::{EventId, VirtualNanos};
@@ -23,6 +26,12 @@ pub struct I2cPeripheral {
     pub inner: I2c,
     /// The byte that ends next is the last of the stream, and is not acknowledged.
     pub next_is_last: bool,
+    /// PCLK1.
+    clock_hz: u64,
+    /// The end of the START or STOP under way.
+    condition: Option<EventId>,
+    /// `START` and `STOP` as they were left: neither has come.
+    requested: u64,
     held_low: bool,
     /// What waits while a device stretches the clock.
     stretched: Option<Vec<EventId>>,
@@ -35,12 +44,20 @@ pub struct I2cPeripheral {
 /// The error line's position among the instance's interrupts.
 const ERROR: usize = 1;
 
+/// `CR1` without `START` and `STOP`.
+fn without_conditions(control: u64) -> u64 {
+    cr1::STOP.set(cr1::START.set(control, 0), 0)
+}
+
 impl I2cPeripheral {
     /// The controller of an interface whose bus runs at `clock_hz`.
     pub fn with_clock(clock_hz: u64) -> Self {
         Self {
             inner: I2c::with_clock(clock_hz),
             next_is_last: false,
+            clock_hz,
+            condition: None,
+            requested: 0,
             held_low: false,
             stretched: None,
             lost: false,
@@ -58,7 +75,8 @@ impl I2cPeripheral {
             return false;
         }
         // Clearing `PE` ends the transfer where it is.
-        let control = cr1::STOP.set(cr1::START.set(registers.get(Register::Cr1), 0), 0);
+        let control = without_conditions(registers.get(Register::Cr1));
+        self.condition = None;
         for control in [cr1::PE.set(control, 0), control] {
             registers.set(Register::Cr1, control);
             self.inner.write(Register::Cr1, control, registers, context);
@@ -150,6 +168,47 @@ impl I2cPeripheral {
         }
     }
 
+    /// `CR1` as the program writes it: a START or STOP begins.
+    fn write_control(
+        &mut self,
+        control: u64,
+        registers: &mut RegisterFile,
+        context: &mut DeviceContext<'_>,
+    ) {
+        if !cr1::PE.is_set(control) || cr1::SWRST.is_set(control) {
+            self.condition = None;
+            return self.inner.write(Register::Cr1, control, registers, context);
+        }
+        if self.requested != 0 {
+            let reason = "written before START or STOP has come, RM0383 18.6.1";
+            context.tell("CR1", reason);
+        }
+        let rest = without_conditions(control);
+        registers.set(Register::Cr1, rest);
+        self.inner.write(Register::Cr1, rest, registers, context);
+        if control != rest {
+            registers.set(Register::Cr1, control);
+            let end = VirtualNanos(context.now().0 + self.scl_period_ns(registers));
+            self.condition.get_or_insert_with(|| context.schedule(end));
+        }
+    }
+
+    fn note_requests(&mut self, registers: &RegisterFile) {
+        let control = registers.get(Register::Cr1);
+        self.requested = control ^ without_conditions(control);
+    }
+
+    /// A period of SCL, section 18.6.8.
+    fn scl_period_ns(&self, registers: &RegisterFile) -> u64 {
+        let value = registers.get(Register::Ccr);
+        let parts = match (ccr::F_S.is_set(value), ccr::DUTY.is_set(value)) {
+            (false, _) => 2,
+            (true, false) => 3,
+            (true, true) => 25,
+        };
+        parts * ccr::CCR.get(value) * 1_000_000_000 / self.clock_hz.max(1)
+    }
+
     fn set_busy(&self, registers: &mut RegisterFile) {
         if (self.held_low || self.lost) && cr1::PE.is_set(registers.get(Register::Cr1)) {
             let status = registers.get(Register::Sr2);
@@ -188,8 +247,13 @@ impl Device for I2cPeripheral {
     ) {
         self.lost &= cr1::PE.is_set(registers.get(Register::Cr1));
         self.set_busy(registers);
-        self.inner.write(register, value, registers, context);
+        if register == Register::Cr1 {
+            self.write_control(value, registers, context);
+        } else {
+            self.inner.write(register, value, registers, context);
+        }
         self.set_busy(registers);
+        self.note_requests(registers);
         self.update_error_line(registers, context);
     }
 
@@ -204,7 +268,10 @@ impl Device for I2cPeripheral {
             return;
         }
         let control = registers.get(Register::Cr1);
-        if self.next_is_last && cr1::ACK.is_set(control) {
+        if self.condition == Some(event) {
+            self.condition = None;
+            self.inner.write(Register::Cr1, control, registers, context);
+        } else if self.next_is_last && cr1::ACK.is_set(control) {
             // The hardware's NACK leaves the software's ACK bit unchanged.
             registers.set(Register::Cr1, cr1::ACK.set(control, 0));
             self.inner.on_event(event, registers, context);
@@ -213,6 +280,7 @@ impl Device for I2cPeripheral {
         } else {
             self.inner.on_event(event, registers, context);
         }
+        self.note_requests(registers);
     }
 
     fn on_request(
@@ -225,6 +293,7 @@ impl Device for I2cPeripheral {
     }
 
     fn on_clock(&mut self, hz: u64, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
+        self.clock_hz = hz;
         self.inner.on_clock(hz, registers, context);
     }
 
@@ -242,12 +311,14 @@ impl Device for I2cPeripheral {
         self.next_is_last = false;
         self.stretched = self.stretched.take().map(|_| Vec::new());
         (self.lost, self.error) = (false, Level::Low);
+        (self.condition, self.requested) = (None, 0);
         self.inner.reset();
     }
 
     fn reset_line(&mut self, registers: &mut RegisterFile, context: &mut DeviceContext<'_>) {
         self.next_is_last = false;
         self.lost = false;
+        (self.condition, self.requested) = (None, 0);
         self.stretched = self.stretched.take().map(|_| Vec::new());
         self.inner.reset_line(registers, context);
     }
