@@ -84,9 +84,8 @@ pub fn read(workspace: &Workspace) -> Result<Verdicts> {
     Ok(verdicts)
 }
 
-/// Writes verdicts on the present sources.
-pub fn write(workspace: &Workspace, verdicts: &Verdicts) -> Result<()> {
-    let sources = Sources::read(workspace)?;
+/// Writes verdicts on these sources: those before the run, for they may change during it.
+pub fn write(workspace: &Workspace, verdicts: &Verdicts, sources: &Sources) -> Result<()> {
     let mut text = "# Written by `cargo xtask prove --evidence`.\n".to_owned();
     for (name, one) in verdicts {
         let (finding, covers, tools) = (&one.finding, one.covers, &one.tools);
@@ -103,10 +102,10 @@ pub fn write(workspace: &Workspace, verdicts: &Verdicts) -> Result<()> {
 
 /// The code of `fw-core` by top-level module, `fw_core::wire`, and of `proofs` by file, `pid`: without
 /// comments, without tests at the end of a file or in files of their own.
-struct Sources(BTreeMap<String, String>);
+pub struct Sources(BTreeMap<String, String>);
 
 impl Sources {
-    fn read(workspace: &Workspace) -> Result<Self> {
+    pub fn read(workspace: &Workspace) -> Result<Self> {
         let mut files = workspace.texts("fw-core/src", "rs")?;
         files.extend(workspace.texts("proofs/src", "rs")?);
         // What the core is built of.

@@ -10,7 +10,7 @@ use clap::Args;
 
 use crate::budget::Budget;
 use crate::error::{Context, Kind, Result, ensure, fail};
-use crate::evidence::{self, Verdict, Verdicts};
+use crate::evidence::{self, Sources, Verdict, Verdicts};
 use crate::process::{self, captures, pattern};
 use crate::workspace::Workspace;
 
@@ -78,6 +78,7 @@ pub fn prove(workspace: &Workspace, choice: &Choice) -> Result<String> {
     let limit = limit.context("harness_seconds is no number")?;
     let declared = declared(workspace, &["--harnesses"])?;
     let declared: Vec<_> = declared.lines().collect();
+    let sources = Sources::read(workspace)?;
     let mut known = Verdicts::new();
     if choice.evidence {
         known = evidence::read(workspace)?;
@@ -104,7 +105,7 @@ pub fn prove(workspace: &Workspace, choice: &Choice) -> Result<String> {
     if choice.evidence {
         known.extend(found.clone());
         known.retain(|name, _| declared.contains(&name.as_str()));
-        evidence::write(workspace, &known)?;
+        evidence::write(workspace, &known, &sources)?;
     }
     known.extend(found);
     let (figure, missing) = evidence::judge(&chosen, &declared, &known)?;
