@@ -140,7 +140,7 @@ fn killed_program_leaves_a_robot_that_stops_and_is_repaired() {
         sleep(Duration::from_millis(10));
         moves()
     };
-    assert!((0..500).any(|_| begins()), "nothing moves");
+    assert!((0..3_000).any(|_| begins()), "nothing moves");
     goto.kill().expect("a child");
     goto.wait().expect("ended");
     let killed_us = pi.devices.board.now_us();
@@ -160,7 +160,7 @@ fn killed_program_leaves_a_robot_that_stops_and_is_repaired() {
     assert!((0..500).any(|_| !begins()), "the motors do not rest");
     // A request to end, as a service's, is no kill.
     let mut goto = pi.start("goto 400 0 0");
-    assert!((0..500).any(|_| begins()), "nothing moves");
+    assert!((0..3_000).any(|_| begins()), "nothing moves");
     let ended = Command::new("kill").arg(goto.id().to_string()).status();
     assert!(ended.is_ok_and(|status| status.success()));
     assert_eq!(goto.wait().expect("ended").code(), Some(130));
