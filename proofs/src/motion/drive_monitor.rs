@@ -103,7 +103,7 @@ impl Witness {
 
 /// A wheel is reported as stalled only if it was driven by at least 20 %, or four fifths of a narrower headroom, in
 /// one direction in each tick of a window and turned by less than 1/128 turn in them; as reversed only if it turned
-/// by that in the other direction. For any commands and motions of both wheels.
+/// by that in the other direction. For any commands within the limits and motions of both wheels.
 // Requirement: WIRE-status-3
 pub fn healthy_wheel_raises_no_fault(values: AcceptedConfig, phases: Phases) -> Seen {
     given!(let Some(config) = values.config());

@@ -131,7 +131,11 @@ impl Parameters {
                 sign * ((self.judged(wheel) >> 8) + i32::from(byte) - 32),
             ),
             32..=63 => self.duty(wheel, sign * 10_000),
-            _ => self.duty(wheel, (i32::from(byte) - 128) * 79),
+            _ => {
+                let limit = i32::from(self.limits[wheel]);
+                let duty = (i32::from(byte) - 128) * 79;
+                MotorCommand::Run(Duty::saturating(duty.clamp(-limit, limit)))
+            }
         }
     }
 
