@@ -42,8 +42,8 @@ pub struct BoardIo {
     pub clock: Box<dyn FnMut() -> u64>,
     /// Whether the clock goes on while the host works.
     pub real_time: bool,
-    /// The bytes of the STM's UART log that came since the last call; never waits.
-    pub log: Box<dyn FnMut() -> Result<Vec<u8>, Error>>,
+    /// The bytes of the STM's UART log that came since the last call, at so many baud; never waits.
+    pub log: Box<dyn FnMut(u32) -> Result<Vec<u8>, Error>>,
     /// Raised by Ctrl-C: every wait and every loop checks it.
     pub interrupt: Interrupt,
 }

@@ -87,7 +87,7 @@ pub fn open(devices: &Devices, interrupt: Interrupt) -> Result<BoardIo, Error> {
         delay: delay(Delay),
         clock: Box::new(micros),
         real_time: true,
-        log: Box::new(move || uart.read_new()),
+        log: Box::new(move |baud| uart.read_new(baud)),
         interrupt,
     })
 }

@@ -319,7 +319,7 @@ pub fn reconnect(board: &Shared) -> BoardIo {
         delay: Box::new(move |us| delay.borrow_mut().pass(us.into())),
         clock: Box::new(move || clock.borrow().now_us),
         real_time: true,
-        log: Box::new(move || Ok(std::mem::take(&mut log.borrow_mut().log))),
+        log: Box::new(move |_| Ok(std::mem::take(&mut log.borrow_mut().log))),
         interrupt: board.borrow().interrupt.clone(),
     }
 }

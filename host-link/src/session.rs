@@ -221,13 +221,21 @@ impl<'m> Session<'m> {
         if self.log_error.is_some() {
             return Vec::new();
         }
-        let bytes = (self.io.log)();
+        let bytes = self.read_log();
         self.log_error = bytes.as_ref().err().map(ToString::to_string);
         let bytes = bytes.unwrap_or_default();
         for (_, line) in self.lines.feed(&bytes) {
             self.snapshot.take_line(line);
         }
         bytes
+    }
+
+    /// The bytes of the STM's log that came since they were last read, by this or [`Self::poll_log`].
+    ///
+    /// # Errors
+    /// [`Error::Device`].
+    pub fn read_log(&mut self) -> Result<Vec<u8>, Error> {
+        (self.io.log)(self.config.log_baud())
     }
 
     /// Why the STM's log cannot be read, if so.

@@ -7,10 +7,12 @@ use std::fs::File;
 use std::io::{self, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
-/// A serial device, set to 115200 baud, raw. It is opened at the first read; earlier bytes are lost.
+/// A serial device, set to the rate that is asked for, raw. It is opened at the first read at a rate; earlier bytes are
+/// lost.
 pub struct SerialPort {
     path: PathBuf,
     port: Option<Box<dyn Read>>,
+    baud: u32,
 }
 
 /// Most bytes that are read at a time: a file that is no terminal may have no end.
@@ -19,15 +21,18 @@ const AT_ONCE: u64 = 1 << 16;
 impl SerialPort {
     /// The device's file.
     pub fn new(path: impl Into<PathBuf>) -> Self {
-        let (path, port) = (path.into(), None);
-        Self { path, port }
+        let (path, port, baud) = (path.into(), None, BOOT_BAUD);
+        Self { path, port, baud }
     }
 
-    /// The bytes that came since the last call; never waits.
+    /// The bytes that came since the last call at this rate; never waits.
     ///
     /// # Errors
     /// [`Error::Device`].
-    pub fn read_new(&mut self) -> Result<Vec<u8>, Error> {
+    pub fn read_new(&mut self, baud: u32) -> Result<Vec<u8>, Error> {
+        if self.baud != baud {
+            (self.baud, self.port) = (baud, None);
+        }
         let mut fresh = Vec::new();
         match self.read(&mut fresh) {
             // What came before a failure is returned first.
@@ -44,14 +49,14 @@ impl SerialPort {
     fn read(&mut self, fresh: &mut Vec<u8>) -> io::Result<usize> {
         let port = match &mut self.port {
             Some(port) => port,
-            closed => closed.insert(Box::new(open(&self.path)?)),
+            closed => closed.insert(Box::new(open(&self.path, self.baud)?)),
         };
         port.take(AT_ONCE).read_to_end(fresh)
     }
 }
 
 /// Opens a serial device and sets it; a file that is no terminal is read as it is.
-fn open(path: &Path) -> io::Result<File> {
+fn open(path: &Path, baud: u32) -> io::Result<File> {
     // Not as the terminal that controls a server without one.
     let flags = OFlags::RDONLY | OFlags::NONBLOCK | OFlags::NOCTTY | OFlags::CLOEXEC;
     let port = File::from(rustix::fs::open(path, flags, Mode::empty())?);
@@ -59,14 +64,14 @@ fn open(path: &Path) -> io::Result<File> {
         let mut settings = tcgetattr(&port)?;
         settings.make_raw();
         settings.control_modes |= ControlModes::CLOCAL | ControlModes::CREAD;
-        settings.set_speed(BAUD)?;
+        settings.set_speed(baud)?;
         tcsetattr(&port, OptionalActions::Now, &settings)?;
     }
     Ok(port)
 }
 
-/// Of the STM's log, bits per second; `platform.log_baud` of the configuration must be the same.
-pub const BAUD: u32 = 115_200;
+/// Of the STM's log until it has read its configuration, bits per second.
+pub const BOOT_BAUD: u32 = 115_200;
 
 #[test]
 fn serial_port_bytes_or_its_absence_arrive() {
@@ -74,17 +79,17 @@ fn serial_port_bytes_or_its_absence_arrive() {
     let path = folder.path().join("tty");
     std::fs::write(&path, b"I00000: boot\n").unwrap();
     let mut port = SerialPort::new(&path);
-    assert_eq!(port.read_new(), Ok(b"I00000: boot\n".to_vec()));
-    assert_eq!(port.read_new(), Ok(Vec::new()));
+    assert_eq!(port.read_new(BOOT_BAUD), Ok(b"I00000: boot\n".to_vec()));
+    assert_eq!(port.read_new(BOOT_BAUD), Ok(Vec::new()));
     let mut device = File::options().append(true).open(&path).unwrap();
     std::io::Write::write_all(&mut device, b"I00001: ready\n").unwrap();
-    assert_eq!(port.read_new(), Ok(b"I00001: ready\n".to_vec()));
+    assert_eq!(port.read_new(BOOT_BAUD), Ok(b"I00001: ready\n".to_vec()));
     std::fs::remove_file(&path).unwrap();
     let mut port = SerialPort::new(&path);
-    let missing = port.read_new();
+    let missing = port.read_new(BOOT_BAUD);
     assert!(matches!(missing, Err(Error::Device { .. })), "{missing:?}");
     std::fs::write(&path, b"there").unwrap();
-    assert_eq!(port.read_new(), Ok(b"there".to_vec()));
+    assert_eq!(port.read_new(BOOT_BAUD), Ok(b"there".to_vec()));
 }
 
 #[test]
@@ -96,9 +101,9 @@ fn terminal_is_set_to_the_logs_speed_and_raw() {
     unlockpt(&controller).unwrap();
     let name = ptsname(&controller, Vec::new()).unwrap();
     let path = Path::new(name.to_str().unwrap());
-    let port = open(path).unwrap();
+    let port = open(path, 9_600).unwrap();
     let settings = tcgetattr(&port).unwrap();
-    assert_eq!(settings.output_speed(), BAUD);
+    assert_eq!(settings.output_speed(), 9_600);
     let echoes_or_waits = LocalModes::ECHO | LocalModes::ICANON;
     assert!(!settings.local_modes.intersects(echoes_or_waits));
     let (local, reads) = (ControlModes::CLOCAL, ControlModes::CREAD);
@@ -107,9 +112,13 @@ fn terminal_is_set_to_the_logs_speed_and_raw() {
     assert!(flags.contains(rustix::io::FdFlags::CLOEXEC));
     // Without bytes it does not wait.
     let mut port = SerialPort::new(path);
-    assert_eq!(port.read_new(), Ok(Vec::new()));
+    assert_eq!(port.read_new(BOOT_BAUD), Ok(Vec::new()));
     rustix::io::write(&controller, b"I00000: boot").unwrap();
-    assert_eq!(port.read_new(), Ok(b"I00000: boot".to_vec()));
+    assert_eq!(port.read_new(BOOT_BAUD), Ok(b"I00000: boot".to_vec()));
+    for baud in [57_600, 57_600, 1_234_567] {
+        assert_eq!(port.read_new(baud), Ok(Vec::new()));
+        assert_eq!(tcgetattr(&controller).unwrap().output_speed(), baud);
+    }
 }
 
 #[test]
@@ -122,9 +131,9 @@ fn bytes_before_a_failure_are_read_and_then_it() {
     }
     let mut port = SerialPort::new("/nonexistent/tty");
     port.port = Some(Box::new([1, 2].as_slice().chain(Unplugged)));
-    assert_eq!(port.read_new(), Ok(vec![1, 2]));
-    let failure = port.read_new().unwrap_err().to_string();
+    assert_eq!(port.read_new(BOOT_BAUD), Ok(vec![1, 2]));
+    let failure = port.read_new(BOOT_BAUD).unwrap_err().to_string();
     assert!(failure.contains("unplugged"), "{failure}");
-    let gone = port.read_new().unwrap_err().to_string();
+    let gone = port.read_new(BOOT_BAUD).unwrap_err().to_string();
     assert!(gone.contains("No such file"), "{gone}");
 }

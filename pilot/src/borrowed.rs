@@ -54,7 +54,8 @@ impl Borrowed {
             delay: Box::new(move |us| delay.wait(us)),
             clock: Box::new(move || clock.micros()),
             real_time: true,
-            log: Box::new(move || {
+            // The server reads at the configured rate.
+            log: Box::new(move |_| {
                 let read = log.call(Call::Log).map(|(bytes, _)| bytes);
                 read.map_err(|why| Error::device("the STM's log", why, "`robot doctor` checks it"))
             }),

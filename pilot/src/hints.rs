@@ -6,7 +6,6 @@ use fw_core::wire::Cause;
 use host_link::error::Error;
 use host_link::snapshot::{Snapshot, silent_names};
 use host_link::statistics::RejectCounts;
-use host_link::uart::BAUD;
 
 /// What to check; empty when all is well.
 pub fn diagnose(snapshot: &Snapshot, config: &Config) -> Vec<String> {
@@ -61,23 +60,13 @@ pub fn frames(count: u64) -> String {
     format!("{count} frame{}", if count == 1 { "" } else { "s" })
 }
 
-/// Why the log cannot be read, if the configuration gives it another speed than this program reads.
-pub fn other_baud(config: &Config) -> Option<String> {
-    let baud = config.log_baud();
-    (baud != BAUD).then(|| {
-        format!("platform.log_baud is {baud}, and this program reads the STM's log at {BAUD}")
-    })
-}
-
 /// Why a session that has lasted so long does not know the STM's end, if so.
-pub fn no_log(snapshot: &Snapshot, config: &Config, error: Option<&str>) -> Option<String> {
-    let unknown = || {
-        let why = error.unwrap_or(
-            "its log has no line of it (slide switch, --uart, or a firmware without that line)",
-        );
-        format!("the STM's end of the link is not known: {why}")
-    };
-    other_baud(config).or_else(|| snapshot.stm.is_none().then(unknown))
+pub fn no_log(snapshot: &Snapshot, error: Option<&str>) -> Option<String> {
+    let why = error.unwrap_or(
+        "its log has no line of it (slide switch, --uart, or a firmware without that line)",
+    );
+    let unknown = || format!("the STM's end of the link is not known: {why}");
+    snapshot.stm.is_none().then(unknown)
 }
 
 fn gap(whose: &str, us: u64, deadline_ms: u64) -> String {
@@ -156,10 +145,10 @@ mod tests {
 
     #[test]
     fn hint_without_the_stms_end_names_the_cause() {
-        let (mut snapshot, config) = (well(), first_board());
-        assert_eq!(no_log(&snapshot, &config, None), None);
+        let mut snapshot = well();
+        assert_eq!(no_log(&snapshot, None), None);
         snapshot.stm = None;
-        let hint = |error| no_log(&snapshot, &config, error).unwrap();
+        let hint = |error| no_log(&snapshot, error).unwrap();
         assert!(hint(None).contains("slide switch") && hint(Some("no port")).ends_with("no port"));
     }
 

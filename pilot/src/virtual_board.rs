@@ -108,7 +108,8 @@ pub fn board_io(board: &Board, spi_hz: u32, interrupt: Interrupt) -> BoardIo {
         delay: delay(board.delay()),
         clock: Box::new(move || clock.now_us()),
         real_time: false,
-        log: Box::new(move || {
+        log: Box::new(move |baud| {
+            log.set_receiver(baud);
             let fresh = log.uart_from(read);
             read += fresh.len();
             Ok(fresh)

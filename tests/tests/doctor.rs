@@ -83,12 +83,16 @@ fn doctor_fault_of_the_board_fails_its_check() {
         rig.eeprom(move |part| part.bytes_mut()[..bytes.len()].copy_from_slice(&bytes));
     });
     board("log port", sound(), &|_, io| {
-        io.log = Box::new(|| Ok(Vec::new()));
+        io.log = Box::new(|_| Ok(Vec::new()));
     });
-    let slower = image().with(fields::LOG_BAUD, 9600);
-    board("log port", with_image(&slower), &|_, _| ());
+    let slower = || with_image(&image().with(fields::LOG_BAUD, 9600));
+    board("firmware", slower(), &|rig, io| {
+        let mut wrong = rig.io().log;
+        io.log = Box::new(move |_| wrong(115_200));
+    });
+    assert_eq!(findings(slower(), false, |_, _| ()).failed(), [""; 0]);
     board("firmware", sound(), &|_, io| {
-        io.log = Box::new(|| Ok(b"login:\n".to_vec()));
+        io.log = Box::new(|_| Ok(b"login:\n".to_vec()));
     });
     let mut slow = sound();
     slow.crystal_hz = 0;

@@ -237,6 +237,11 @@ impl Board {
         })
     }
 
+    /// Sets the rate at which the log is received from now on; 115200 baud until then.
+    pub fn set_receiver(&self, baud: u32) {
+        self.model(move |model| model.receiver_baud = baud.into());
+    }
+
     /// The log's bytes so far with their times.
     pub fn log(&self) -> Vec<LogByte> {
         self.model(|model| model.log.clone())

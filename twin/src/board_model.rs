@@ -63,6 +63,8 @@ pub struct BoardModel {
     pub spi: SpiMaster,
     /// The log as it arrived.
     pub log: Vec<LogByte>,
+    /// The rate its receiver is set to.
+    pub receiver_baud: u64,
     /// Whether the Pi holds the RESET line low.
     pub reset_low: bool,
     /// Changes of READY and of the LEDs.
@@ -113,6 +115,7 @@ impl BoardModel {
             i2c,
             spi: SpiMaster::default(),
             log: Vec::new(),
+            receiver_baud: 115_200,
             reset_low: false,
             outputs: Vec::new(),
             selects: VecDeque::new(),
@@ -301,7 +304,7 @@ impl BoardModel {
         if arrived.is_empty() || chip.role(pinout::TX) != USART_FUNCTION {
             return;
         }
-        let readable = is_readable(chip.usart1_baud());
+        let readable = is_readable(chip.usart1_baud(), self.receiver_baud);
         self.log.extend(arrived.into_iter().map(|word| LogByte {
             byte: if readable { word.byte } else { 0xFF },
             ..word

@@ -34,7 +34,7 @@ pub struct BoardArgs {
     /// GPIO chip; where it is no Pi's, the one beside it that is
     #[arg(long, default_value = "/dev/gpiochip0")]
     pub gpiochip: PathBuf,
-    /// Serial device with the STM's log, 115200 baud; `tune`, `monitor` and `status` read it
+    /// Serial device with the STM's log; `tune`, `monitor` and `status` read it
     #[arg(long, default_value = "/dev/serial0")]
     pub uart: PathBuf,
     /// Folder of the lock and of the journal of an unfinished EEPROM write [default: /var/lib/robot of the

@@ -5,7 +5,7 @@ use super::connection::{Context, interrupt, open_linux};
 use super::doctor;
 use host_link::error::{Error, Exit};
 use host_link::file;
-use host_link::uart::SerialPort;
+use host_link::uart::{BOOT_BAUD, SerialPort};
 use pilot::doctor::Findings;
 use pilot::doctor::bringup;
 use std::fs;
@@ -58,7 +58,7 @@ fn listen(
     let mut heard = Instant::now();
     while heard.elapsed() < Duration::from_secs(options.patience.into()) {
         interrupt.check()?;
-        log.push_str(&String::from_utf8_lossy(&port.read_new()?));
+        log.push_str(&String::from_utf8_lossy(&port.read_new(BOOT_BAUD)?));
         while let Some(end) = log[shown..].find('\n') {
             context.output.message(log[shown..shown + end].trim_end());
             shown += end + 1;

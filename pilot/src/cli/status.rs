@@ -81,11 +81,7 @@ fn linked(
     let mut session = context.open_session(io)?;
     let (report, _, ended) = session.observe(u64::from(status.ms) * 1000)?;
     let mut hints = hints::diagnose(&report, session.config());
-    hints.extend(hints::no_log(
-        &report,
-        session.config(),
-        session.log_error(),
-    ));
+    hints.extend(hints::no_log(&report, session.log_error()));
     let exit = ended.as_ref().map_or(of_faults(&report), Error::exit);
     let seen = Summary {
         ready: true,

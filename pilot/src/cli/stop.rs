@@ -4,6 +4,7 @@ use super::connection::{Context, interrupt};
 use super::output::Output;
 use host_link::error::{Error, Exit};
 use host_link::log::Lines;
+use host_link::uart::BOOT_BAUD;
 use pilot::serve::protocol::{Message, Request};
 use serde_json::json;
 
@@ -53,11 +54,14 @@ pub fn log(context: Context<'_>) -> Result<(), Error> {
     }
     context.with_own_board(|connection| {
         let io = &mut connection.io;
+        // Of an STM that does not run, the boot's lines.
+        let running = context.open_session(io);
+        let baud = running.map_or(BOOT_BAUD, |session| session.config().log_baud());
         let mut lines = Lines::default();
         loop {
             io.interrupt.check()?;
             Output::check_reader()?;
-            for line in lines.feed(&(io.log)()?) {
+            for line in lines.feed(&(io.log)(baud)?) {
                 show(String::from_utf8_lossy(&line).trim_end().to_string())?;
             }
             (io.delay)(LOOK_US);

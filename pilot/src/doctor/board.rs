@@ -133,12 +133,7 @@ fn link(
         (None, []) => findings.pass("link", quality(&snapshot)),
         (None, hints) => findings.fail("link", hints.join("; "), LINK_ADVICE),
     }
-    if let Some(found) = hints::other_baud(config) {
-        findings.fail("log port", found, "set platform.log_baud to 115200");
-        findings.skip(&["firmware"], "its log cannot be read");
-    } else {
-        log(&snapshot, log_error, logged, findings);
-    }
+    log(&snapshot, log_error, logged, findings);
     let own_checks = Faults::LINK_LOST
         .union(Faults::BATTERY_LOW)
         .union(Faults::BATTERY_CUTOFF)
@@ -184,11 +179,11 @@ fn log(snapshot: &Snapshot, error: Option<String>, bytes: usize, findings: &mut 
     findings.judge(
         "firmware",
         snapshot.stm.is_some(),
-        match snapshot.stm {
-            Some(stm) => format!("frames and log are this program's; {} frames since its reset", stm.frames),
+        match snapshot.stm.map(|stm| stm.frames) {
+            Some(frames) => format!("frames and log are this program's; {frames} since its reset"),
             None => "its log has no line of the link".into(),
         },
-        "flash the firmware of this program's version (`cargo xtask flash`), and set the port to 115200 baud",
+        "flash the firmware of this program's version (`cargo xtask flash`)",
     );
 }
 

@@ -38,7 +38,7 @@ pub fn measure_upper_resistor(
         )));
     }
     let code = code(volts)?;
-    (session.io().log)()?;
+    session.read_log()?;
     for _ in 0..WARM_UP {
         session.exchange(&CommandRequest::default())?;
     }
@@ -53,7 +53,7 @@ pub fn measure_upper_resistor(
     let mut answers = Vec::new();
     for _ in 0..FRAMES {
         session.exchange(&request)?;
-        for line in lines.feed(&(session.io().log)()?) {
+        for line in lines.feed(&session.read_log()?) {
             match line {
                 (_, LogLine::Tuned { tap, ohm }) if tap == cell => answers.push(ohm),
                 _ => {}
@@ -128,7 +128,7 @@ fn upper_resistor_is_read_from_log() {
     // The first fifteen of this tap, in any order, beside those of another one.
     let (_, mut io) = mock_board(&Image::FIRST_BOARD, None);
     let mut number = 0;
-    io.log = Box::new(move || {
+    io.log = Box::new(move |_| {
         number += 1;
         let (tap, ohm) = match number % 2 {
             0 => (1, 10),

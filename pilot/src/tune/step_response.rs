@@ -2,7 +2,6 @@
 //! end commands zero percent and sends no further frame, so that the stop deadline holds the motors.
 
 use crate::drive::{MAX_UNANSWERED, StopOnDrop};
-use crate::hints;
 use crate::tune::samples::SampleRecorder;
 use fw_core::eeprom::Config;
 use host_link::error::Error;
@@ -32,10 +31,8 @@ const MAX_STRAY: f64 = 2.0;
 
 impl StepPlan {
     /// # Errors
-    /// [`Error::Usage`] for fewer than two duties, or for one that does not turn both wheels; [`Error::Tuning`]
-    /// where the log is not read.
+    /// [`Error::Usage`] for fewer than two duties, or for one that does not turn both wheels.
     pub fn check(&self, config: &Config) -> Result<(), Error> {
-        hints::other_baud(config).map_or(Ok(()), |why| Err(Error::Tuning(why)))?;
         if self.levels.len() < 2 {
             let what = "--levels: accepted are two or more duties";
             return Err(Error::Usage(what.into()));
@@ -70,7 +67,7 @@ pub fn run(
         origin: None,
     };
     // Earlier lines of the log belong to no step.
-    (stepping.session.io().log)()?;
+    stepping.session.read_log()?;
     for level in &plan.levels {
         for percent in [*level, -level] {
             stepping.hold(0.0, plan.rest_s, plan.travel)?;
@@ -99,7 +96,7 @@ impl StepRunner<'_, '_> {
             let measured = self.frame(percent)?;
             let now_us = self.session.now_us();
             let samples = self.recorder.samples().len();
-            self.recorder.feed(&(self.session.io().log)()?);
+            self.recorder.feed(&self.session.read_log()?);
             if self.recorder.samples().len() > samples {
                 self.sampled_us = Some(now_us);
             } else if now_us.saturating_sub(*self.sampled_us.get_or_insert(now_us)) > LOG_TIMEOUT_US

@@ -1,12 +1,9 @@
-//! The receiver on the log's wire: 115200 baud, 8N1.
+//! The receiver on the log's wire: 8N1.
 
 use rigless::chip::Timeline;
 use rigless::chip::uart::Peer;
 use rigless::snapshot::Store;
 use rigless::time::VirtualNanos;
-
-/// The rate the receiver is set to.
-pub const BAUD: u64 = 115_200;
 
 /// A byte of the log.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,8 +42,8 @@ impl Peer for UartReceiver {
     }
 }
 
-/// Whether a receiver at [`BAUD`] still reads a sender at `baud`: within 3 %, half a bit in ten
+/// Whether a receiver at `own` baud still reads a sender at `baud`: within 3 %, half a bit in ten
 /// with what the receiver's own clock may be off.
-pub fn is_readable(baud: u64) -> bool {
-    baud.abs_diff(BAUD) * 100 <= BAUD * 3
+pub fn is_readable(baud: u64, own: u64) -> bool {
+    baud.abs_diff(own) * 100 <= own * 3
 }

@@ -12,20 +12,20 @@ fn log_is_read_until_it_fails() {
         assert_eq!(session.poll_log(), part);
     }
     assert_eq!(session.snapshot().stm.map(|stm| stm.frames), Some(80));
-    let working = std::mem::replace(&mut session.io.log, Box::new(|| Err(Error::Interrupted)));
+    let working = std::mem::replace(&mut session.io.log, Box::new(|_| Err(Error::Interrupted)));
     assert!(session.poll_log().is_empty());
     session.io.log = working;
     board.borrow_mut().log.push(b'x');
     assert!(session.poll_log().is_empty());
     assert_eq!(session.log_error(), Some("interrupted"));
-    assert_eq!((session.io().log)(), Ok(b"x".to_vec()));
+    assert_eq!(session.read_log(), Ok(b"x".to_vec()));
 }
 
 #[test]
 fn observation_ends_with_its_time_or_an_error() {
     let (board, mut io) = mock_board(&image(2), None);
     let mut session = Session::open(&mut io, RATE_HZ, 100).unwrap();
-    session.io.log = Box::new(|| Ok(b"x".to_vec()));
+    session.io.log = Box::new(|_| Ok(b"x".to_vec()));
     board.borrow_mut().garbled_from = 20;
     // The first frame takes 1 µs.
     for (us, counts) in [(1, (1, 0, 2)), (500_000, (21, 1, 21))] {

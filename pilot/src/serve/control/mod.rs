@@ -375,7 +375,7 @@ impl Server {
             // Its first lines may still come.
             if session.statistics().frames >= LOG_FRAMES {
                 let (snapshot, unread) = (session.snapshot(), session.log_error());
-                self.advice.extend(hints::no_log(snapshot, config, unread));
+                self.advice.extend(hints::no_log(snapshot, unread));
             }
         }
         self.latest = Some(Frame {
