@@ -258,7 +258,7 @@ crate::properties! {
         gains: Gains, limit: i32, integral: i64, error: i32, samples: u8
     ) {
         cases ["down to the headroom", "down to zero", "reduced"];
-        kani first_board_forward [unwind(4), solver(minisat)] =
+        kani first_board_forward [unwind(4)] =
             (forward_gains(), if any() { 100 << 16 } else { 40 << 16 }, any(), 8 << 16, 1);
         kani first_board_rotation [unwind(4)] =
             (rotation_gains(), 50 << 16, i64::from(coarse(8)) << 16, coarse(8), 1);
