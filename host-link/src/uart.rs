@@ -7,8 +7,7 @@ use std::fs::File;
 use std::io::{self, ErrorKind, Read};
 use std::path::{Path, PathBuf};
 
-/// A serial device, set to the rate that is asked for, raw. It is opened at the first read at a rate; earlier bytes are
-/// lost.
+/// A serial device, raw, at the rate that is asked for. The first read at a rate opens it; earlier bytes are lost.
 pub struct SerialPort {
     path: PathBuf,
     port: Option<Box<dyn Read>>,

@@ -94,7 +94,7 @@ pub struct VirtualBoard {
 
 /// The I/O of a board.
 pub fn board_io(board: &Board, spi_hz: u32, interrupt: Interrupt) -> BoardIo {
-    let (clock, log, mut read) = (board.clone(), board.clone(), 0);
+    let (clock, log, mut read, mut set) = (board.clone(), board.clone(), 0, 0);
     BoardIo {
         spi: spi(board.spi_with(SpiTiming {
             hz: spi_hz.into(),
@@ -109,7 +109,9 @@ pub fn board_io(board: &Board, spi_hz: u32, interrupt: Interrupt) -> BoardIo {
         clock: Box::new(move || clock.now_us()),
         real_time: false,
         log: Box::new(move |baud| {
-            log.set_receiver(baud);
+            if std::mem::replace(&mut set, baud) != baud {
+                log.set_receiver(baud);
+            }
             let fresh = log.uart_from(read);
             read += fresh.len();
             Ok(fresh)

@@ -42,8 +42,7 @@ impl Peer for UartReceiver {
     }
 }
 
-/// Whether a receiver at `own` baud still reads a sender at `baud`: within 3 %, half a bit in ten
-/// with what the receiver's own clock may be off.
+/// Whether a receiver at `own` baud reads a sender at `baud`: within 3 %, half a bit in ten with what its clock is off.
 pub fn is_readable(baud: u64, own: u64) -> bool {
     baud.abs_diff(own) * 100 <= own * 3
 }
