@@ -144,7 +144,7 @@ crate::properties! {
     }
     theorem T9 temperature_is_monotone(sensor: u16, reference: u16) {
         cases ["two temperatures", "the end of the range"];
-        kani proof [unwind(3)];
+        kani typical_supply [unwind(3)] = (any(), TYPICAL.reference);
         exhaustive (1260..=1810_u16).flat_map(|reference| (0..4096_u16).map(move |sensor| (sensor, reference)));
     }
 }
