@@ -198,7 +198,8 @@ pub fn follow<'m>(
             still = rest.settled(snapshot.time_us, pose);
             rests += u32::from(still && came_to_rest && near);
             let exact = follower.as_ref().is_none_or(|one| one.reaches(pose));
-            if still && near && (exact || rests > CORRECTIONS) {
+            let ended = follower.as_ref().is_none_or(PoseFollower::stands);
+            if still && ended && near && (exact || rests > CORRECTIONS) {
                 moving.arrived = true;
                 return Ok(Arrival {
                     pose,
@@ -310,7 +311,7 @@ impl SpeedMeter {
 
 /// How often a robot that rests near enough is brought nearer, to the configured tolerances: every turn on
 /// the spot moves it by a millimetre or so.
-const CORRECTIONS: u32 = 1;
+const CORRECTIONS: u32 = 3;
 
 /// The poses of the last quarter of a second.
 #[derive(Default)]

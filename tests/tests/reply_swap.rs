@@ -15,7 +15,7 @@ use robot_tests::throughput::{GAP_NS, TICK_NS};
 use robot_tests::wires::selected;
 use twin::components::spi_master::pack;
 use twin::plant::{Pose2, Rng, Room};
-use twin::trace::{Snapshot, functions};
+use twin::trace::{EventKind, Snapshot, functions};
 use twin::{Options, SpiStep};
 
 /// Environment variable with seeds, `A..B`, each run at every phase; otherwise two at every 64th and those near the
@@ -302,6 +302,26 @@ fn frame_end_while_answer_is_armed_waits() {
     let first = writes.first_chunk::<4>().expect("four writes");
     let registers = first.map(|write| write.address);
     assert_eq!(registers, [EXTI_PR, S3M0AR, S3M0AR, EXTI_PR]);
+}
+
+/// Entering an exception and returning from it takes 22 cycles, 220 ns, on top of the handler's instructions.
+#[test]
+fn frame_end_is_handled_after_the_exceptions_entry() {
+    let rig = Rig::with_mips(100, options(0x10, Room::default()));
+    rig.trace_chip_select();
+    rig.trace_writes(EXTI_PR);
+    let bits = SpiStep::bytes(&[0; 26], 12_000_000);
+    let mut steps: Vec<_> = selected(60, bits).into();
+    steps.push(SpiStep::Wait(100_000));
+    rig.spi_steps(steps);
+    let events = rig.take_events();
+    let at = |kind: fn(&EventKind) -> bool| events.iter().find(|one| kind(&one.kind));
+    let end = at(|kind| *kind == EventKind::ChipSelect(false)).expect("an end");
+    let handled = at(|kind| matches!(kind, EventKind::Write { .. })).expect("handled");
+    assert!(
+        (220..600).contains(&(handled.at_ns - end.at_ns)),
+        "{events:?}"
+    );
 }
 
 /// The transmitter holds a reply's first two bytes ready: a refresh that changes the second, the highest of x,

@@ -117,6 +117,9 @@ impl Board {
             .map_err(EmulationEnded::because)?;
         board.mcu.chip.spi.prefetch = options.spi_prefetch;
         let emulator = Emulator::start(board, vec![firmware, factory], options.debugger)?;
+        if !elf.is_empty() {
+            emulator.stopped(|stopped| stopped.time_exceptions(FLASH))?;
+        }
         Ok(Self {
             emulator: Arc::new(emulator),
             elf: elf.into(),

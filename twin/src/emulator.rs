@@ -4,6 +4,7 @@
 //! to do on the stopped board. Virtual time alone decides what happens, so the interleaving of the
 //! two threads changes nothing.
 
+use std::collections::{BTreeSet, HashSet};
 use std::net::TcpListener;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,7 +12,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-use rigless::emulator::{self, Access, AccessKind, Driver, Host, Settled, Start, Stop};
+use rigless::emulator::{self, Access, AccessKind, Driver, Host, Settled, Start, Stop, Watch};
 use rigless::image::Image;
 use rigless::session::Session;
 use rigless::soc::Width;
@@ -40,11 +41,28 @@ impl StoppedBoard<'_> {
         &mut self.session.board_mut().mcu
     }
 
+    /// From now on exceptions through the vector table at `table` take time.
+    pub fn time_exceptions(&mut self, table: u64) {
+        let vector = |nth| self.host.read(table + 4 * nth, Width::W32).ok();
+        let vectors = VECTORS.filter_map(vector).filter(|vector| vector % 2 != 0);
+        let handlers: BTreeSet<u64> = vectors.map(|vector| vector - 1).collect();
+        for &handler in &handlers {
+            self.session.watch(Watch::Instruction(handler));
+        }
+        self.tracer.handlers = handlers.into_iter().collect();
+    }
+
     /// [`StoppedBoard::now`] in the emulator's type.
     pub const fn at(&self) -> VirtualNanos {
         VirtualNanos(self.now)
     }
 }
+
+/// Entries of the vector table behind the stack and the reset: NMI to the last interrupt, SPI5 (RM0383, table 37).
+const VECTORS: Range<u64> = 2..16 + 86;
+/// What an exception costs beside its handler's instructions, nanoseconds: 12 cycles to enter and 10 to return
+/// (Cortex-M4 TRM, DDI 0439B, 3.9.1) at 100 MHz, both before the handler's first instruction.
+const EXCEPTION_NS: u64 = 220;
 
 /// What is traced, and the events so far.
 #[derive(Debug, Default)]
@@ -63,6 +81,10 @@ pub struct Tracer {
     pub snapshots: Vec<Snapshot>,
     /// Where the core stands still.
     pub stall: Option<Stall>,
+    /// First instructions of the exceptions' handlers.
+    pub handlers: Vec<u64>,
+    /// Instructions at which an arrival is recorded.
+    pub instructions: HashSet<u64>,
 }
 
 impl Tracer {
@@ -75,14 +97,9 @@ impl Tracer {
     }
 
     /// How long the core stands still on its arrival at `address`, nanoseconds.
-    fn stall_ns(&mut self, address: u64) -> Option<u64> {
-        let stall = self.stall.as_mut();
-        let stall = stall.filter(|stall| stall.address == address)?;
-        if stall.skip > 0 {
-            stall.skip -= 1;
-            return None;
-        }
-        Some(std::mem::take(&mut stall.ns)).filter(|&ns| ns > 0)
+    fn stall_ns(&mut self, address: u64) -> u64 {
+        let exception = u64::from(self.handlers.contains(&address)) * EXCEPTION_NS;
+        exception + self.stall.as_mut().map_or(0, |stall| stall.ns_at(address))
     }
 
     /// Records the memory before what the core does after `access`.
@@ -150,14 +167,17 @@ impl Driver<VirtualBoard> for EmulatorDriver {
             }
             Settled::Hit(hit) => {
                 let address = hit.address;
-                if let Some(ns) = tracer.stall_ns(address) {
+                let ns = tracer.stall_ns(address);
+                if ns > 0 {
                     let until = VirtualNanos(hit.at.0 + ns);
                     self.stalled_until = Some(until);
                     session.pause_at(Some(until));
                     host.hold(true);
                 }
-                let kind = EventKind::Reached { address };
-                tracer.record(kind, hit.at, hit.instruction_count);
+                if tracer.instructions.contains(&address) {
+                    let kind = EventKind::Reached { address };
+                    tracer.record(kind, hit.at, hit.instruction_count);
+                }
             }
             Settled::Stop(stop) => {
                 if self.stalled_until.take_if(|end| *end <= stop.at).is_some() {

@@ -35,8 +35,8 @@
 //!
 //! # What is not
 //! - The core retires instructions at one rate at any clock, [`Options::mips`]: an estimate
-//!   ([`trace::cycles`]) with the flash's wait states, loads and branches. Entering or leaving an exception
-//!   takes no time.
+//!   ([`trace::cycles`]) with the flash's wait states, loads and branches. An exception takes 220 ns on top,
+//!   before its handler; in firmware that a debugger loads, none.
 //! - DMA moves a word at the instant it is requested.
 //! - The converter goes on without `DDS`; a peripheral answers at once after its clock is enabled; the LSI, and the
 //!   watchdog with it, runs at exactly 32 kHz.

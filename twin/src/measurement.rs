@@ -36,9 +36,10 @@ impl Board {
 
     fn watch(&self, instructions: Vec<u64>) {
         self.stopped(move |stopped| {
-            for address in instructions {
+            for &address in &instructions {
                 stopped.session.watch(Watch::Instruction(address));
             }
+            stopped.tracer.instructions.extend(instructions);
         });
     }
 
@@ -81,10 +82,14 @@ impl Board {
         self.stopped(move |stopped| {
             let stall = Stall { address, skip, ns };
             if let Some(before) = stopped.tracer.stall.replace(stall) {
-                let watch = Watch::Instruction(before.address);
-                stopped.session.unwatch(watch);
+                stopped.tracer.instructions.remove(&before.address);
+                if !stopped.tracer.handlers.contains(&before.address) {
+                    let watch = Watch::Instruction(before.address);
+                    stopped.session.unwatch(watch);
+                }
             }
             stopped.session.watch(Watch::Instruction(address));
+            stopped.tracer.instructions.insert(address);
         });
     }
 

@@ -1,18 +1,19 @@
 //! Drives to a pose by velocity: what the STM's pose controller does in the modes that carry a
 //! target is done here in the mode that carries a velocity.
 //!
-//! The core's response to a velocity is known: a ramp with the configured acceleration, then two lags. Each
-//! frame gets the velocity after which the robot, commanded to stand from the next frame on, comes to rest at
-//! the target: the fastest way that does not overshoot.
+//! The core's [response](Response) to a velocity is known. Each frame gets the velocity after which the robot,
+//! commanded to stand from the next frame on, comes to rest at the target: the fastest way that does not
+//! overshoot. Real motors differ from the prediction: the rest is corrected from standstill, and by how much they
+//! go farther is learned.
+
+mod response;
 
 use super::{ArrivalCriteria, SpeedMeter};
 use crate::mapping::mapper_pose;
-use fw_core::eeprom::{Config, Wheel};
+use fw_core::eeprom::Config;
 use host_link::pose::Pose;
-use std::f64::consts::PI;
+use response::{Axes, BRAKED_MM_S, Limits, Response, is_zero};
 
-/// Share of the slower wheel's full speed that is driven at: the rest is for steering.
-const HEADROOM: f64 = 0.9;
 /// Farthest target behind that is driven back to, mm.
 const REVERSE_MM: f64 = 100.0;
 /// A target farther aside than this is turned to, from rest and while driving, degrees.
@@ -25,136 +26,16 @@ const NEAR_MM: f64 = 40.0;
 const SLOW: f64 = 1.0;
 /// Shares of a tolerance: within the first the robot stops, beyond the second it starts again.
 const SHARES: (f64, f64) = (0.3, 0.7);
-/// Step of the prediction, s, and the part of a lag that passes in it: the core's is 1/8 in 10 ms.
-const STEP_S: f64 = 0.005;
-const LAG_SHARE: f64 = 0.0646;
 /// From a frame to the tick that takes its command, s.
 const LATENCY_S: f64 = 0.007;
-/// Speed of a wheel below which the core brakes it if it is to stand, mm/s.
-const BRAKED_MM_S: f64 = 10.0;
 /// A command lasts so long at least, s: the core takes one each 10 ms, whatever the rate of the frames.
 const SHORTEST_S: f64 = 0.015;
 /// Longest time from frame to frame that is predicted, s.
 const LONGEST_S: f64 = 0.5;
+/// Largest overshoot that is learned, mm and degrees.
+const OVERSHOOT: Axes = [3.0, 3.0];
 /// Halvings in the search for a velocity.
 const HALVINGS: u32 = 10;
-
-/// A pair of forward and yaw: mm and degrees, or mm/s and degrees/s.
-type Axes = [f64; 2];
-
-/// Figures of the robot that the response depends on.
-#[derive(Clone, Copy, Debug)]
-struct Limits {
-    /// Largest speeds commanded, and back, mm/s.
-    speed: Axes,
-    reverse_mm_s: f64,
-    /// mm/s² and degrees/s².
-    acceleration: Axes,
-    /// Of a wheel, mm/s.
-    full_speed_mm_s: f64,
-    /// Speed of a wheel per yaw rate, mm per degree.
-    wheel_per_deg: f64,
-}
-
-impl Limits {
-    fn new(config: &Config) -> Self {
-        let limits = config.velocity_limits();
-        let degrees = |turns: u32| f64::from(turns) / 4_294_967_296.0 * 360.0;
-        let full_speed = |wheel: &Wheel| {
-            let [dead_zone, limit] =
-                [wheel.dead_zone, wheel.limit].map(|duty| f64::from(duty.hundredths()));
-            f64::from(wheel.full_speed_mm_s) * (limit - dead_zone) / (10_000.0 - dead_zone)
-        };
-        let full_speed_mm_s = full_speed(config.left()).min(full_speed(config.right()));
-        let wheel_per_deg = f64::from(config.track().0) / 1000.0 * PI / 360.0;
-        let fastest = HEADROOM * full_speed_mm_s;
-        Self {
-            speed: [
-                fastest.min(limits.speed_mm_s.into()),
-                // Steering comes on top of it.
-                (0.5 * fastest / wheel_per_deg).min(degrees(limits.yaw_rate)),
-            ],
-            reverse_mm_s: config.obstacle_stop().reverse_speed_mm_s.into(),
-            acceleration: [
-                limits.acceleration_mm_s2.into(),
-                degrees(limits.yaw_acceleration),
-            ],
-            full_speed_mm_s,
-            wheel_per_deg,
-        }
-    }
-}
-
-/// How the core follows a velocity.
-#[derive(Clone, Copy, Debug, Default)]
-struct Response {
-    /// The commanded speeds within the acceleration, and behind one and two lags.
-    ramp: Axes,
-    first: Axes,
-    second: Axes,
-    /// Time beyond the last step, s.
-    beyond_s: f64,
-}
-
-impl Response {
-    /// Lets a step pass; the way and the turn.
-    fn step(&mut self, command: Axes, limits: &Limits) -> Axes {
-        let commanded = command.into_iter().zip(limits.acceleration);
-        for (ramp, (command, acceleration)) in self.ramp.iter_mut().zip(commanded) {
-            let most = acceleration * STEP_S;
-            *ramp += (command - *ramp).clamp(-most, most);
-        }
-        // The core's feed-forward: a wheel that would need more than full duty slows the way, or the turn.
-        let drive = |axis: usize| 4.0 * (self.ramp[axis] - self.first[axis]) + self.second[axis];
-        let (forward, yaw) = (drive(0), drive(1) * limits.wheel_per_deg);
-        let excess = forward.abs() + yaw.abs() - limits.full_speed_mm_s;
-        if excess > 0.0 {
-            let (axis, less) = if forward * self.ramp[0] > 0.0 {
-                (0, excess / 4.0)
-            } else {
-                (1, excess / 4.0 / limits.wheel_per_deg)
-            };
-            let ramp = &mut self.ramp[axis];
-            *ramp -= ramp.signum() * less.min(ramp.abs());
-        }
-        for axis in 0..2 {
-            self.first[axis] += (self.ramp[axis] - self.first[axis]) * LAG_SHARE;
-            self.second[axis] += (self.first[axis] - self.second[axis]) * LAG_SHARE;
-        }
-        let wheel = self.second[0].abs() + self.second[1].abs() * limits.wheel_per_deg;
-        if is_zero(command) && is_zero(self.ramp) && wheel < BRAKED_MM_S {
-            *self = Self::default();
-        }
-        self.second.map(|speed| speed * STEP_S)
-    }
-
-    /// Whether it has come to rest.
-    fn stands(&self) -> bool {
-        is_zero(self.ramp) && is_zero(self.second)
-    }
-
-    /// The way and the turn within so many seconds.
-    fn run(&mut self, command: Axes, seconds: f64, limits: &Limits) -> Axes {
-        let (mut moved, mut left_s) = ([0.0; 2], self.beyond_s + seconds);
-        while left_s > STEP_S / 2.0 {
-            let step = self.step(command, limits);
-            moved = [moved[0] + step[0], moved[1] + step[1]];
-            left_s -= STEP_S;
-        }
-        self.beyond_s = left_s;
-        moved
-    }
-
-    /// The way and the turn until it rests, after a command that lasts so many seconds.
-    fn rest(mut self, command: Axes, seconds: f64, limits: &Limits) -> Axes {
-        let mut moved = self.run(command, seconds, limits);
-        while !self.stands() {
-            let step = self.step([0.0; 2], limits);
-            moved = [moved[0] + step[0], moved[1] + step[1]];
-        }
-        moved
-    }
-}
 
 /// What the robot does. It changes at rest alone: while a turn begins and ends, motors that differ move its
 /// middle by millimetres, which it takes back.
@@ -176,6 +57,10 @@ pub struct PoseFollower {
     limits: Limits,
     response: Response,
     phase: Option<Phase>,
+    /// What was last planned at rest, and the sign of its error then.
+    planned: (Phase, f64),
+    /// How much farther than predicted the motors move from rest to rest.
+    overshoot: Axes,
     /// The last command, its time, s, and what it moves by the frame after it.
     last: (Axes, f64, Axes),
     speed: SpeedMeter,
@@ -198,6 +83,8 @@ impl PoseFollower {
             limits: Limits::new(config),
             response: Response::default(),
             phase: None,
+            planned: (Phase::Stand, 0.0),
+            overshoot: [0.0; 2],
             last: ([0.0; 2], 0.0, [0.0; 2]),
             speed: SpeedMeter::default(),
             period_s: 0.025,
@@ -214,7 +101,13 @@ impl PoseFollower {
         }
         if time_s > at_s {
             self.period_s = (time_s - at_s).min(LONGEST_S);
+            let moving = !self.response.stands();
             moved = self.response.run(command, self.period_s, &self.limits);
+            // By the prediction it has come to rest: what is left is corrected when it has indeed. A command on top of
+            // what is still under way would overshoot in turn for ever.
+            if moving && self.response.stands() {
+                self.phase = Some(Phase::Stand);
+            }
         }
         let speed = self.speed.update(time_s, pose);
         if limited {
@@ -226,13 +119,21 @@ impl PoseFollower {
             *ramp = ramp.clamp(speed.min(0.0), speed.max(0.0));
         }
         if self.phase.is_none() || still && self.response.stands() {
-            self.phase = Some(self.plan(pose));
+            self.learn(pose);
+            let phase = self.plan(pose);
+            self.planned = (phase, error_of(phase, pose, self.target).signum());
+            self.phase = Some(phase);
         }
         let latency = self.response.second.map(|speed| speed * LATENCY_S);
         let ahead = Pose::new(moved[0] + latency[0], 0.0, moved[1] + latency[1]).in_frame_of(pose);
         let command = self.towards(ahead);
         self.last = (command, time_s, moved);
         command.into()
+    }
+
+    /// Whether no motion is commanded, and none under way.
+    pub fn stands(&self) -> bool {
+        is_zero(self.last.0) && self.response.stands()
     }
 
     /// Whether a pose is within the tolerances.
@@ -262,13 +163,35 @@ impl PoseFollower {
         }
     }
 
+    /// Learns at rest how much farther the motion went than it was meant to.
+    fn learn(&mut self, pose: Pose) {
+        let (phase, sign) = self.planned;
+        let axis = match phase {
+            Phase::Stand => return,
+            Phase::Turn(_) => 1,
+            Phase::Drive { .. } => 0,
+        };
+        let beyond = -sign * error_of(phase, pose, self.target);
+        // What ends elsewhere was ended by something else.
+        if beyond.abs() <= OVERSHOOT[axis] {
+            let overshoot = self.overshoot[axis] + beyond;
+            self.overshoot[axis] = overshoot.clamp(0.0, OVERSHOOT[axis]);
+        }
+    }
+
+    /// How far to go for an error, half of it at least.
+    fn aim(&self, axis: usize, error: f64) -> f64 {
+        let less = self.overshoot[axis].min(error.abs() / 2.0);
+        error - less.copysign(error)
+    }
+
     /// The velocity for a robot that is at `pose` when it takes it.
     fn towards(&mut self, pose: Pose) -> Axes {
         let [way, turn] = self.response.rest([0.0; 2], 0.0, &self.limits);
         match self.phase {
             None | Some(Phase::Stand) => [0.0; 2],
-            Some(Phase::Turn(rotation_deg)) => {
-                let error = pose.rotation_to_deg(Pose::new(0.0, 0.0, rotation_deg));
+            Some(phase @ Phase::Turn(_)) => {
+                let error = self.aim(1, error_of(phase, pose, self.target));
                 let ends = (error - turn).abs() <= SHARES.0 * self.tolerance_deg;
                 let yaw = (!ends).then(|| self.speed_to(1, error, 0.0));
                 [0.0, yaw.unwrap_or(0.0)]
@@ -282,12 +205,13 @@ impl PoseFollower {
                     self.phase = Some(Phase::Turn(pose.rotation_deg + course));
                     return [0.0; 2];
                 }
-                if (ahead_mm - way).abs() <= SHARES.0 * self.tolerance_mm {
+                let aim_mm = self.aim(0, ahead_mm);
+                if (aim_mm - way).abs() <= SHARES.0 * self.tolerance_mm {
                     return [0.0; 2];
                 }
                 let fastest = self.limits.speed[1];
                 let yaw = (STEERING * course).clamp(-fastest, fastest);
-                let forward = self.speed_to(0, ahead_mm, yaw);
+                let forward = self.speed_to(0, aim_mm, yaw);
                 [forward, if forward == 0.0 { 0.0 } else { yaw }]
             }
         }
@@ -295,7 +219,7 @@ impl PoseFollower {
 
     /// The speed on an axis, beside this yaw rate, after which the robot rests `error` farther.
     fn speed_to(&self, axis: usize, error: f64, yaw: f64) -> f64 {
-        // Against its motion it is commanded to stand first: from rest the core's response is exact.
+        // Against its motion it is commanded to stand first: the core's response is known best from rest.
         if self.response.second[axis] * error.signum() < -SLOW {
             return 0.0;
         }
@@ -330,8 +254,13 @@ impl PoseFollower {
     }
 }
 
-fn is_zero(axes: Axes) -> bool {
-    axes.iter().all(|value| value.abs() < 1e-9)
+/// What is left of a phase at a pose, signed: mm ahead, or degrees.
+fn error_of(phase: Phase, pose: Pose, target: Pose) -> f64 {
+    match phase {
+        Phase::Stand => 0.0,
+        Phase::Turn(rotation_deg) => pose.rotation_to_deg(Pose::new(0.0, 0.0, rotation_deg)),
+        Phase::Drive { .. } => seen_from(pose, target).0,
+    }
 }
 
 /// How far to turn until something this far ahead and to the left is straight ahead, or straight behind,

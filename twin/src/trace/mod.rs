@@ -7,7 +7,7 @@
 //!   instruction it returns by (`bx`, `pop {…, pc}`, `ldr pc`); a tail call is followed into the
 //!   function it jumps to. [`spans`] pairs each entry with the next return: instructions from entry
 //!   to return, both included, with whatever pre-empts the function. Entry to and return from an
-//!   exception cost no instruction.
+//!   exception cost time, but no instruction.
 //! - Between a pin and a register: [`Board::trace_chip_select`](crate::Board::trace_chip_select)
 //!   records the chip select's edges, [`Board::trace_writes`](crate::Board::trace_writes) every
 //!   write to a register.
@@ -64,6 +64,20 @@ pub struct Stall {
     pub skip: u64,
     /// For how many nanoseconds; 0 once it is over.
     pub ns: u64,
+}
+
+impl Stall {
+    /// How long the core stands still on its arrival at `address`, nanoseconds.
+    pub(crate) fn ns_at(&mut self, address: u64) -> u64 {
+        if address != self.address {
+            0
+        } else if self.skip > 0 {
+            self.skip -= 1;
+            0
+        } else {
+            std::mem::take(&mut self.ns)
+        }
+    }
 }
 
 /// Memory at an access of the firmware to a register.

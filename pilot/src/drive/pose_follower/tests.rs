@@ -11,8 +11,22 @@ fn config(image: &Image) -> Config {
 /// A robot that follows the velocity as the core does, up to `held` mm/s ahead and, if it may, back, and
 /// reports a frame late; where it rests, and the farthest that it came ahead. A frame takes `frame_ms`.
 fn drive(target: Pose, config: &Config, held: f64, back: bool, frame_ms: u32) -> (Pose, f64) {
+    drive_braked(1.0, target, config, held, back, frame_ms)
+}
+
+/// [`drive`] with a robot that brakes a turn this many times later: at that much less speed.
+fn drive_braked(
+    later: f64,
+    target: Pose,
+    config: &Config,
+    held: f64,
+    back: bool,
+    frame_ms: u32,
+) -> (Pose, f64) {
     let mut follower = PoseFollower::new(target, &ArrivalCriteria::default(), config);
     let limits = follower.limits;
+    let mut true_limits = limits;
+    true_limits.wheel_per_deg *= later;
     let (mut pose, mut reported) = (Pose::default(), Pose::default());
     let (mut response, mut limited, mut farthest) = (Response::default(), false, 0.0_f64);
     let (mut rest, mut allowed) = (RestDetector::default(), [0.0; 2]);
@@ -27,7 +41,7 @@ fn drive(target: Pose, config: &Config, held: f64, back: bool, frame_ms: u32) ->
             reported = pose;
         }
         if ms % 5 == 4 {
-            let [way, turn] = response.step(allowed, &limits);
+            let [way, turn] = response.step(allowed, &true_limits);
             pose = Pose::new(way, 0.0, turn).in_frame_of(pose);
             farthest = farthest.max(pose.x_mm);
         }
@@ -63,6 +77,25 @@ fn follower_rests_on_poses_all_around() {
         ] {
             let target = Pose::new(x, y, rotation);
             assert_at(drive(target, &config, 1e3, true, 25).0, target);
+        }
+    }
+}
+
+#[test]
+fn follower_comes_to_rest_with_a_brake_later_than_predicted() {
+    let config = config(&Image::FIRST_BOARD);
+    for later in [1.6, 2.6, 3.0] {
+        for (x, y, rotation) in [
+            (500.0, 0.0, 90.0),
+            (0.0, 6.0, 0.0),
+            (-40.0, 0.0, 0.0),
+            (0.0, 0.0, 1.5),
+        ] {
+            let target = Pose::new(x, y, rotation);
+            assert_at(
+                drive_braked(later, target, &config, 1e3, true, 25).0,
+                target,
+            );
         }
     }
 }
