@@ -4,8 +4,9 @@ use fw_core::eeprom::{Image, SPANS, fields};
 use fw_core::robot::leds;
 use fw_core::wire::State;
 use robot_tests::reference::{KEY_STM, NormalReply, image_in_mode, normal_frame, original_image};
-use robot_tests::test_board::{Rig, take_writes};
+use robot_tests::test_board::{ELF, Rig, elf, take_writes};
 use twin::components::eeprom::{ADDRESS, Eeprom, WRITE_CYCLE_NS};
+use twin::trace::functions;
 use twin::{Board, I2cController, Options};
 
 const I2C1_DR: u64 = 0x4000_5410;
@@ -88,6 +89,22 @@ fn boot_eeprom_is_never_written() {
     rig.hold_reset(false);
     rig.assert_ready();
     assert_eq!(part(&rig), (0, before));
+}
+
+/// RESET goes low while the core stands still for another reason, which ends meanwhile.
+#[test]
+fn reset_outlasts_a_standstill_of_the_core() {
+    let rig = Rig::ready(Options::with_eeprom(original_image()));
+    let all = functions(&elf(ELF)).expect("an ELF file");
+    let handler = all.iter().find(|f| f.name == "PendSV").expect("a handler");
+    rig.stall_once(handler.address, 0, 15_000_000);
+    rig.run_us(12_000);
+    rig.hold_reset(true);
+    let before = rig.instructions();
+    rig.run_us(20_000);
+    assert_eq!(rig.instructions(), before);
+    rig.hold_reset(false);
+    rig.assert_ready();
 }
 
 // Requirement: WIRE-ready-1, WIRE-eeprom-3

@@ -342,7 +342,7 @@ impl StoppedBoard<'_> {
         if low && !was_low {
             self.session.reset_by_pin(at, self.instructions, self.host);
         }
-        self.host.hold(low);
+        self.hold_core(low);
     }
 
     pub(crate) fn switch_i2c(&mut self, to: I2cController) {

@@ -4,7 +4,7 @@
 //! to do on the stopped board. Virtual time alone decides what happens, so the interleaving of the
 //! two threads changes nothing.
 
-use std::collections::{BTreeSet, HashSet};
+use std::collections::BTreeSet;
 use std::net::TcpListener;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -12,13 +12,13 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-use rigless::emulator::{self, Access, AccessKind, Driver, Host, Settled, Start, Stop, Watch};
+use rigless::emulator::{self, AccessKind, Driver, Host, Settled, Start, Stop, Watch};
 use rigless::image::Image;
 use rigless::session::Session;
 use rigless::soc::Width;
 use rigless::time::VirtualNanos;
 
-use crate::trace::{Event, EventKind, Snapshot, Stall};
+use crate::trace::{EventKind, Tracer};
 use crate::virtual_board::{McuOnBoard, VirtualBoard};
 
 /// The board between two runs, for work on it.
@@ -52,6 +52,12 @@ impl StoppedBoard<'_> {
         self.tracer.handlers = handlers.into_iter().collect();
     }
 
+    /// Holds the core, or lets it go on.
+    pub fn hold_core(&mut self, held: bool) {
+        self.tracer.held = held;
+        self.host.hold(held);
+    }
+
     /// [`StoppedBoard::now`] in the emulator's type.
     pub const fn at(&self) -> VirtualNanos {
         VirtualNanos(self.now)
@@ -60,62 +66,6 @@ impl StoppedBoard<'_> {
 
 /// Entries of the vector table behind the stack and the reset: NMI to the last interrupt, SPI5 (RM0383, table 37).
 const VECTORS: Range<u64> = 2..16 + 86;
-/// What an exception costs beside its handler's instructions, nanoseconds: 12 cycles to enter and 10 to return
-/// (Cortex-M4 TRM, DDI 0439B, 3.9.1) at 100 MHz, both before the handler's first instruction.
-const EXCEPTION_NS: u64 = 220;
-
-/// What is traced, and the events so far.
-#[derive(Debug, Default)]
-pub struct Tracer {
-    /// Registers whose writes are recorded.
-    pub registers: Vec<u64>,
-    /// Whether the chip select's edges are recorded.
-    pub chip_select: bool,
-    /// The events.
-    pub events: Vec<Event>,
-    /// Registers at whose accesses the memory in [`Tracer::memory`] is recorded.
-    pub triggers: Vec<u64>,
-    /// That memory.
-    pub memory: Range<u64>,
-    /// The records.
-    pub snapshots: Vec<Snapshot>,
-    /// Where the core stands still.
-    pub stall: Option<Stall>,
-    /// First instructions of the exceptions' handlers.
-    pub handlers: Vec<u64>,
-    /// Instructions at which an arrival is recorded.
-    pub instructions: HashSet<u64>,
-}
-
-impl Tracer {
-    fn record(&mut self, kind: EventKind, at: VirtualNanos, instructions: u64) {
-        self.events.push(Event {
-            kind,
-            at_ns: at.0,
-            instructions,
-        });
-    }
-
-    /// How long the core stands still on its arrival at `address`, nanoseconds.
-    fn stall_ns(&mut self, address: u64) -> u64 {
-        let exception = u64::from(self.handlers.contains(&address)) * EXCEPTION_NS;
-        exception + self.stall.as_mut().map_or(0, |stall| stall.ns_at(address))
-    }
-
-    /// Records the memory before what the core does after `access`.
-    fn take_snapshot(&mut self, access: &Access, value: u64, host: &mut dyn Host) {
-        let byte = |address| host.read(address, Width::W8).ok();
-        let bytes = self.memory.clone().filter_map(byte);
-        self.snapshots.push(Snapshot {
-            at_ns: access.virtual_time.0,
-            register: access.address,
-            written: access.kind == AccessKind::Write,
-            value,
-            instruction: access.program_counter.unwrap_or_default(),
-            bytes: bytes.filter_map(|byte| byte.try_into().ok()).collect(),
-        });
-    }
-}
 
 type Work<T> = Box<dyn FnOnce(&mut StoppedBoard<'_>) -> T + Send>;
 
@@ -181,7 +131,7 @@ impl Driver<VirtualBoard> for EmulatorDriver {
             }
             Settled::Stop(stop) => {
                 if self.stalled_until.take_if(|end| *end <= stop.at).is_some() {
-                    host.hold(false);
+                    host.hold(tracer.held);
                 }
                 if tracer.chip_select {
                     for (at_ns, selected) in session.board_mut().mcu.board.selects.drain(..) {

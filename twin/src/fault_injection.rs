@@ -101,7 +101,7 @@ impl Board {
     /// A debugger halts the core, or lets it go on. The peripherals go on meanwhile; who freezes the watchdog
     /// and the timers is not modelled: the firmware does not.
     pub fn halt_core(&self, halted: bool) {
-        self.stopped(move |stopped| stopped.host.hold(halted));
+        self.stopped(move |stopped| stopped.hold_core(halted));
     }
 
     /// The log's bytes leave no more, or do again, where USART1 has a clock.

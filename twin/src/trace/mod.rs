@@ -21,9 +21,11 @@
 mod cycles;
 mod symbols;
 mod thumb;
+mod tracer;
 
 pub use cycles::cycles;
 pub use symbols::{Function, Instruction, TraceError, TracedFunction, functions};
+pub(crate) use tracer::Tracer;
 
 /// What happened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
