@@ -4,7 +4,6 @@
 //! to do on the stopped board. Virtual time alone decides what happens, so the interleaving of the
 //! two threads changes nothing.
 
-use std::collections::BTreeSet;
 use std::net::TcpListener;
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -45,11 +44,10 @@ impl StoppedBoard<'_> {
     pub fn time_exceptions(&mut self, table: u64) {
         let vector = |nth| self.host.read(table + 4 * nth, Width::W32).ok();
         let vectors = VECTORS.filter_map(vector).filter(|vector| vector % 2 != 0);
-        let handlers: BTreeSet<u64> = vectors.map(|vector| vector - 1).collect();
-        for &handler in &handlers {
+        self.tracer.handlers = vectors.map(|vector| vector - 1).collect();
+        for &handler in &self.tracer.handlers {
             self.session.watch(Watch::Instruction(handler));
         }
-        self.tracer.handlers = handlers.into_iter().collect();
     }
 
     /// Holds the core, or lets it go on.

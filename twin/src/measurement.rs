@@ -81,15 +81,12 @@ impl Board {
     pub fn stall_once(&self, address: u64, skip: u64, ns: u64) {
         self.stopped(move |stopped| {
             let stall = Stall { address, skip, ns };
-            if let Some(before) = stopped.tracer.stall.replace(stall) {
-                stopped.tracer.instructions.remove(&before.address);
-                if !stopped.tracer.handlers.contains(&before.address) {
-                    let watch = Watch::Instruction(before.address);
-                    stopped.session.unwatch(watch);
-                }
+            let before = stopped.tracer.stall.replace(stall);
+            if let Some(before) = before.filter(|one| !stopped.tracer.watches(one.address)) {
+                let watch = Watch::Instruction(before.address);
+                stopped.session.unwatch(watch);
             }
             stopped.session.watch(Watch::Instruction(address));
-            stopped.tracer.instructions.insert(address);
         });
     }
 

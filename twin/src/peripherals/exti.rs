@@ -22,8 +22,8 @@ pub const LINES: usize = 16;
 /// The line of the supply detector's output, which rises when the supply falls (5.2.3, 10.2.5).
 pub const SUPPLY: usize = LINES;
 
-/// A store's way over APB2 and back, beside the ten cycles of an exception's return, which take the emulated core
-/// none, nanoseconds.
+/// A store's way over APB2 and back, beside the ten cycles of an exception's return, which the emulated core spends
+/// before the handler, nanoseconds.
 pub const CLEAR_NS: u64 = 120;
 
 /// The NVIC lines as the instance lists them: 2 (tamper), 6 to 10, 23, 40, 1.

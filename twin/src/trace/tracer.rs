@@ -1,6 +1,6 @@
 //! What is traced of a run, and what it has recorded.
 
-use std::collections::HashSet;
+use std::collections::{BTreeSet, HashSet};
 use std::ops::Range;
 
 use rigless::emulator::{Access, AccessKind, Host};
@@ -9,8 +9,8 @@ use rigless::time::VirtualNanos;
 
 use super::{Event, EventKind, Snapshot, Stall};
 
-/// What an exception costs beside its handler's instructions, nanoseconds: 12 cycles to enter and 10 to return
-/// (Cortex-M4 TRM, DDI 0439B, 3.9.1) at 100 MHz, both before the handler's first instruction.
+/// What an exception costs beside its handler's instructions, nanoseconds: 12 cycles to enter and 10, of up to 12, to
+/// return (Cortex-M4 TRM, DDI 0439B, 3.9.1) at 100 MHz, both before the handler's first instruction.
 const EXCEPTION_NS: u64 = 220;
 
 /// What is traced, and the events so far.
@@ -33,7 +33,7 @@ pub struct Tracer {
     /// Whether the core is held beside that.
     pub held: bool,
     /// First instructions of the exceptions' handlers.
-    pub handlers: Vec<u64>,
+    pub handlers: BTreeSet<u64>,
     /// Instructions at which an arrival is recorded.
     pub instructions: HashSet<u64>,
 }
@@ -51,6 +51,11 @@ impl Tracer {
     pub fn stall_ns(&mut self, address: u64) -> u64 {
         let exception = u64::from(self.handlers.contains(&address)) * EXCEPTION_NS;
         exception + self.stall.as_mut().map_or(0, |stall| stall.ns_at(address))
+    }
+
+    /// Whether an arrival at `address` matters, a stall aside.
+    pub fn watches(&self, address: u64) -> bool {
+        self.handlers.contains(&address) || self.instructions.contains(&address)
     }
 
     /// Records the memory before what the core does after `access`.
