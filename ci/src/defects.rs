@@ -111,13 +111,21 @@ impl Defect {
             }
             ("loop", rest) => {
                 let (file, test) = rest.split_once(' ').unwrap_or((rest, ""));
-                let tests = session.cargo_on_host("test --release --test in_the_loop")?;
-                let tests = tests.arg(format!("{file}::{test}"));
                 let (variable, firmware) = match file {
                     "bringup" => ("ROBOT_ELF_BRINGUP", "bringup"),
                     _ => ("ROBOT_ELF", "fw-pac"),
                 };
-                failures(tests.env(variable, session.build_copy(copy, firmware)?))
+                let elf = session.build_copy(copy, firmware)?;
+                // The Pi's code is in the tests; the firmware's is not to be, for they calculate what it must do.
+                let (folder, target) = if self.file.starts_with("fw-") {
+                    (&*session.root, session.target.clone())
+                } else {
+                    (copy, copy.join("target"))
+                };
+                let _in_folder = session.sh.push_dir(folder);
+                let tests = session.cargo_on_host("test --release --test in_the_loop")?;
+                let tests = tests.arg(format!("{file}::{test}")).env(variable, elf);
+                failures(tests.env("CARGO_TARGET_DIR", target))
             }
             (package, rest) => {
                 let tests = "test --locked --no-fail-fast --config profile.dev.opt-level=0";

@@ -2,11 +2,17 @@
 
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Stdio};
+use std::time::UNIX_EPOCH;
 
 use regex_lite::Regex;
 use xshell::Cmd;
 
 use crate::error::{Kind, Result, fail};
+
+/// The day, for what differs from one to the next.
+pub fn days() -> Result<u64> {
+    Ok(UNIX_EPOCH.elapsed()?.as_secs() / 86_400)
+}
 
 /// What a command prints, run silently; `None` where it cannot be started or does not end with 0.
 pub fn output(command: Cmd<'_>) -> Option<String> {

@@ -27,8 +27,8 @@ impl Drive {
 
     /// The room's visible surfaces in the map's frame, by the best rigid alignment of the way.
     fn walls(&self, room: &Room) -> Vec<Segment> {
-        let walls = room.relative_to_start().visible_surfaces();
-        in_estimate_frame(&walls, &self.frame())
+        let frame = room.start.compose(&self.frame());
+        in_estimate_frame(&room.visible_surfaces(), &frame)
     }
 
     #[allow(clippy::cast_precision_loss)]

@@ -117,7 +117,7 @@ fn drive(
     mapping: &mut IdealMapper,
     mut navigate: impl FnMut(&Grid, &Status) -> Action,
 ) -> Run {
-    let room = Room::two_rooms().relative_to_start();
+    let room = Room::two_rooms();
     let (start, imperfections) = (Pose2::default(), Imperfections::default());
     let mut robot = KinematicRobot::new(room.clone(), start, imperfections, seed);
     let (mut outcome, mut resumed) = (None, 0);

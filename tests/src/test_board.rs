@@ -24,6 +24,10 @@ pub const ELF_OVERFLOW: &str = "ROBOT_ELF_OVERFLOW";
 /// Environment variable with the path of the bring-up firmware's ELF.
 pub const ELF_BRINGUP: &str = "ROBOT_ELF_BRINGUP";
 
+/// Environment variable with a number, 0 where it is not set: each board's seed is higher by it, and the frames come
+/// at other phases to the ticks.
+pub const SEED: &str = "ROBOT_BOARD_SEED";
+
 /// TIM5's compare 1 (RM0383, table 1 and 13.4.21), which every tick writes.
 pub const TIM5_CCR1: u64 = 0x4000_0C34;
 
@@ -146,6 +150,11 @@ pub fn elf_of_mortal_crystal(mut elf: Vec<u8>) -> Vec<u8> {
     elf
 }
 
+/// The number of [`SEED`].
+fn shift() -> u64 {
+    std::env::var(SEED).map_or(0, |number| number.parse().expect("a number"))
+}
+
 /// A robot under test: a [`Board`] with a firmware.
 pub struct Rig {
     /// The board.
@@ -177,8 +186,9 @@ impl Rig {
     }
 
     /// A robot with an ELF of its own.
-    pub fn with_elf(elf: &[u8], options: Options) -> Self {
+    pub fn with_elf(elf: &[u8], mut options: Options) -> Self {
         twin::processor::keep_to_one();
+        options.seed += shift();
         let board = Board::new(elf, options).expect("a board");
         let release = elf == self::elf(ELF);
         Self { board, release }
@@ -235,9 +245,11 @@ impl Rig {
         io(&self.board)
     }
 
-    /// Lets time pass until READY, at most `READY_US`; whether it came.
+    /// Lets time pass until READY, at most `READY_US`, and to the phase of [`SEED`]; whether it came.
     pub fn await_ready(&self) -> bool {
-        self.board.run_until(READY_US, 100, Board::is_ready)
+        let is_ready = self.run_until(READY_US, 100, Board::is_ready);
+        self.run_us(shift() * 1_337 % 61_000);
+        is_ready
     }
 
     /// What the firmware writes to `registers` until it is READY on the first board, in order.

@@ -7,7 +7,7 @@ use pilot::calibrate::explored::Explored;
 use pilot::calibrate::wheel_geometry::WheelGeometry;
 use robot_tests::exploration::{self, Figures};
 use robot_tests::test_board::Rig;
-use twin::plant::{Faults, Imperfections, Pose2, Room};
+use twin::plant::{Faults, Imperfections, Pose2, Room, Sides};
 use twin::{Board, Options};
 
 /// 2 m by 1.6 m with a box in it.
@@ -127,21 +127,23 @@ fn wide_robot_drives_around_what_comes_and_goes() {
 #[test]
 fn learned_wheels_in_eeprom_improve_next_exploration() {
     let (room, sample) = (small_room(), exploration::settings().expect("accepted"));
+    let options = || exploration::options(&room, Imperfections::default(), 24);
+    let truth = Rig::new(options()).world(|world| world.params().chassis);
+    let Sides { left, right } = truth.wheel_diameter_mm;
     // As measured by a ruler: 0.6 and 1 % off. What a run in this room learns is off by up to 0.07 % of the wheels'
     // ratio and up to 0.28 % of the track (20 seeds).
-    let mut by_ruler = WheelGeometry::from_config(sample.config()).with_ratio(1.006);
-    by_ruler.track_mm *= 1.01;
+    let by_ruler = WheelGeometry::new(left, right, truth.track_mm * 1.01).with_ratio(1.006);
     let mut settings = sample.with(&by_ruler.values()).expect("accepted");
     let (mut off, mut raw_mm) = (Vec::new(), Vec::new());
     for _ in 0..2 {
         let eeprom = Some(settings.image().0.to_vec());
-        let options = exploration::options(&room, Imperfections::default(), 24);
-        let rig = Rig::new(Options { eeprom, ..options });
+        let rig = Rig::new(Options {
+            eeprom,
+            ..options()
+        });
         let run = exploration::explore(&mut rig.io(), &rig, |_| ()).expect("a session");
-        let truth = rig.world(|world| world.params().chassis);
-        let diameters = truth.wheel_diameter_mm;
         let assumed = WheelGeometry::from_config(settings.config());
-        let ratio = assumed.right_mm / assumed.left_mm / (diameters.right / diameters.left);
+        let ratio = assumed.right_mm / assumed.left_mm / (right / left);
         let [wheels, track] =
             [ratio, assumed.track_mm / truth.track_mm].map(|factor| (factor - 1.0).abs() * 100.0);
         off.push((wheels, track));

@@ -7,7 +7,7 @@ use robot_tests::reference::{
 };
 use robot_tests::test_board::{Rig, ahead};
 use twin::Options;
-use twin::plant::{Pose2, Room};
+use twin::plant::{RangefinderParams, Room};
 
 fn normal() -> Rig {
     let rig = Rig::configured(original_image());
@@ -51,11 +51,12 @@ fn normal_reply_distances_order_and_scale() {
         .with_wall(980.0, -3000.0, 980.0, 3000.0)
         .with_wall(-3000.0, -660.0, 3000.0, -660.0)
         .with_wall(-3000.0, 1460.0, 3000.0, 1460.0);
-    let options = Options::with_eeprom(original_image()).in_room(walls);
-    let rig = Rig::ready(options.at(Pose2::default()));
+    let mut options = Options::with_eeprom(original_image()).in_room(walls);
+    options.params.rangefinder = RangefinderParams::exact();
+    let rig = Rig::ready(options);
     rig.run_us(200_000);
     let reply = NormalReply::of(&rig.frame(&idle()));
-    let truth = rig.world(|world| [0, 1, 2].map(|sensor| world.range_mm(sensor)));
+    let truth = rig.world(|world| [0, 1, 2].map(|sensor| world.true_range_mm(sensor)));
     for (code, truth) in reply.ranges.into_iter().zip(truth) {
         let (measured, mm) = (f64::from(code) * 2500.0 / 65535.0, truth.expect("a wall"));
         assert!((measured - mm).abs() < 30.0, "{measured} mm, truly {mm} mm");
@@ -169,9 +170,9 @@ fn tune_rotate_sets_duty_and_reports_rotation() {
     assert_eq!(reply[0], KEY_STM);
     let measured = measurement(&reply);
     assert!(measured > 5.0, "counter-clockwise is positive, {measured}");
-    // The samples of 10 ms each are in the log: percent and degrees.
+    // The samples of 10 ms each are in the log: percent and degrees. The last frame is up to 25 ms late.
     let samples = rig.log().matches(": T 60.00 ").count();
-    assert!((90..=102).contains(&samples), "{samples} in a second");
+    assert!((90..=103).contains(&samples), "{samples} in a second");
     let _ = rig.keep_sending(&tuning_frame(0.0), 100_000);
     assert!(rig.motors_off());
 }
@@ -188,7 +189,7 @@ fn tune_move_drives_straight_and_reports_way() {
     assert!(truth.heading_rad.to_degrees().abs() < 8.0, "{truth:?}");
     // The samples of 10 ms each are in the log: percent and millimetres.
     let samples = rig.log().matches(": T -60.00 -").count();
-    assert!((130..=152).contains(&samples), "{samples} in 1.5 s");
+    assert!((130..=153).contains(&samples), "{samples} in 1.5 s");
 }
 
 // Requirement: WIRE-modes-3

@@ -289,6 +289,9 @@ fn frame_end_while_answer_is_armed_waits() {
     let arm = all.iter().find(|f| f.name.ends_with("spi::arm"));
     // The first time a frame's end arms the standby, the second time its answer is.
     rig.stall_once(arm.expect("not inlined").address, 1, 20_000);
+    // No tick refreshes the reply meanwhile.
+    rig.run_to_tick();
+    rig.run_us(1_000);
     for register in [EXTI_PR, S3M0AR] {
         rig.trace_writes(register);
     }

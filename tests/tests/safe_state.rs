@@ -143,6 +143,8 @@ fn ends_standing(rig: &Rig, why: &str) {
         let low = own.fold(0, |low, write| low | write.value >> 16);
         assert_eq!(low & pins, pins, "{port:#x}");
     }
+    // 87 µs for each letter.
+    rig.run_us(5_000);
     rig.assert_logged(why);
     assert_restarts(rig, 300_000);
 }

@@ -15,6 +15,7 @@ use clap::Args;
 use self::beside::Beside;
 use crate::error::{Failure, Kind, Result, bail, fail};
 use crate::kani;
+use crate::process;
 use crate::session::Session;
 use crate::trace::{Requirement, Trace};
 use crate::{defects, fuzz};
@@ -39,7 +40,7 @@ use When::{Change, Night, Quick};
 type Gate = (&'static str, When, fn(&Session) -> Result<String>);
 
 /// Cheap ones first; `docs/gates.md` says what each checks.
-const GATES: [Gate; 39] = [
+const GATES: [Gate; 40] = [
     ("setup", Quick, setup),
     ("fmt", Quick, source::fmt),
     ("hygiene", Quick, structure::hygiene),
@@ -60,7 +61,7 @@ const GATES: [Gate; 39] = [
     ("stack", Quick, firmware::stack),
     ("defects", Change, proofs::defects),
     ("mutants", Change, proofs::mutants_of_the_change),
-    ("loop", Change, tests::in_the_loop),
+    ("loop", Change, |session| tests::in_the_loop(session, None)),
     ("page", Change, tests::page),
     ("kani", Change, |session| kani::gate(session)),
     ("qemu", Change, tests::qemu),
@@ -73,6 +74,9 @@ const GATES: [Gate; 39] = [
         tests::by_python(session, "ros2/bridge.py")
     }),
     ("figures", Change, tests::figures),
+    ("seeds", Night, |session| {
+        tests::in_the_loop(session, Some(process::days()?))
+    }),
     ("fuzz", Night, |session| fuzz::run(session, None, None)),
     ("rooms", Night, tests::rooms),
     ("supply", Night, source::supply),

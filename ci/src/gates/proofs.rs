@@ -1,7 +1,6 @@
 //! Gates on the proofs and on what the tests notice: Kani, fuzz targets, mutants, seeded defects.
 
 use std::ffi::OsStr;
-use std::time::UNIX_EPOCH;
 
 use serde_json::{Value, json};
 use xshell::cmd;
@@ -126,8 +125,7 @@ pub fn host_link_mutants(session: &Session) -> Result<String> {
 /// A twentieth of these mutants, another one each day.
 fn mutants_of_the_day(session: &Session, of: &str, more: [&str; 2]) -> Result<String> {
     const PARTS: u64 = 20;
-    let days = UNIX_EPOCH.elapsed()?.as_secs() / 86_400;
-    let part = format!("{}/{PARTS}", days % PARTS);
+    let part = format!("{}/{PARTS}", process::days()? % PARTS);
     mutation(session, of, &[more[0], more[1], "--shard", &part])
 }
 

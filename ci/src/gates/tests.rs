@@ -33,8 +33,9 @@ pub fn exhaustive(session: &Session) -> Result<String> {
 const IN_THE_LOOP: &str = "test --release --test in_the_loop";
 
 /// Each test in a process of its own, as many at a time as there are processors: the emulator compiles the
-/// firmware as it runs, and each new page of code interrupts every processor that runs the same process.
-pub fn in_the_loop(session: &Session) -> Result<String> {
+/// firmware as it runs, and each new page of code interrupts every processor that runs the same process. With a seed,
+/// in other worlds and at other phases of the frames.
+pub fn in_the_loop(session: &Session, seed: Option<u64>) -> Result<String> {
     let firmware = |name, features| Ok::<_, Error>(session.build("fw-pac", name, features)?.path);
     let inputs = [
         ("ROBOT_ELF", session.image()?.path.clone()),
@@ -51,6 +52,7 @@ pub fn in_the_loop(session: &Session) -> Result<String> {
     let output = |words: &[&str]| {
         let mut test = Command::new(program);
         test.args(words).envs(inputs.clone()).current_dir(&folder);
+        test.envs(seed.map(|seed| ("ROBOT_BOARD_SEED", seed.to_string())));
         test.output()
     };
     let list = output(&["--list", "--format", "terse"])?;

@@ -99,28 +99,6 @@ impl Room {
         });
         Point::bounds(straight.chain(round)).unwrap_or_default()
     }
-
-    /// The same room in the frame of its start: the frame of an odometry reset there, and of the
-    /// map made with it.
-    #[must_use]
-    pub fn relative_to_start(&self) -> Self {
-        let relative = |pose: &Pose2| pose.relative_to(&self.start);
-        let point = |p: Point| relative(&Pose2::at(p, 0.0)).position();
-        let line = |s: &Segment| Segment::new(point(s.from), point(s.to));
-        let lines = |lines: &[Segment]| lines.iter().map(line).collect();
-        let circle = |c: &Circle| Circle {
-            centre: point(c.centre),
-            ..*c
-        };
-        Self {
-            segments: lines(&self.segments),
-            soft: lines(&self.soft),
-            sills: lines(&self.sills),
-            circles: self.circles.iter().map(circle).collect(),
-            start: Pose2::default(),
-            tour: self.tour.iter().map(relative).collect(),
-        }
-    }
 }
 
 #[cfg(test)]
@@ -139,21 +117,6 @@ mod tests {
                 assert!(room.clearance_mm(point) > 250.0, "{point:?}");
             }
             at = goal.position();
-        }
-    }
-
-    #[test]
-    fn room_relative_to_start_looks_the_same_from_there() {
-        let text = "wall 0 0 900 0 900 700\ncircle 300 500 50\nstart 400 200 90\nway 400 300 180";
-        let room = Room::parse(text).unwrap();
-        let relative = room.relative_to_start();
-        assert!(relative.tour[0].distance_mm(&Pose2::new(100.0, 0.0, 0.0)) < 1e-9);
-        for turn in 0..36 {
-            let bearing = Pose2::new(0.0, 0.0, f64::from(turn) / 6.0);
-            let there = room.cast(&room.start.compose(&bearing));
-            let here = relative.cast(&bearing);
-            let distance = |hit: Option<RayHit>| hit.map_or(-1.0, |hit| hit.distance_mm);
-            assert!((distance(there) - distance(here)).abs() < 1e-6);
         }
     }
 
