@@ -89,7 +89,7 @@ fn boot(app: &mut App) {
     leds::start(pattern(State::Booting));
     let crystal_khz = crystal::measure();
     watchdog::feed();
-    let Some(source) = clock::start(crystal::FITS.contains(&crystal_khz)) else {
+    let Some(source) = clock::start(crystal::FITS.contains(&crystal_khz), watchdog::feed) else {
         safe_state::halt(b"no clock");
     };
     watchdog::feed();

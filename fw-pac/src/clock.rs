@@ -40,9 +40,9 @@ const POLLS: u32 = 2_000;
 /// Brings SYSCLK to 100 MHz, from the crystal if `crystal_fits`; `None` if not even the internal oscillator's
 /// PLL locks.
 ///
-/// Called once, at boot, on the HSI that the reset selects.
+/// Called once, at boot, on the HSI that the reset selects; waits for the supply and calls `feed` meanwhile.
 // Requirement: DOC-2.3-1
-pub fn start(crystal_fits: bool) -> Option<Source> {
+pub fn start(crystal_fits: bool, feed: impl Fn() + Copy) -> Option<Source> {
     let (rcc, pwr, flash) = (RCC::registers(), PWR::registers(), FLASH::registers());
     rcc.apb1enr().modify(|_, w| w.pwren().set_bit());
     // Read back: a peripheral answers two bus cycles after its clock is enabled (ES0287, 2.2.7).
@@ -61,7 +61,7 @@ pub fn start(crystal_fits: bool) -> Option<Source> {
     rcc.cr().modify(|_, w| w.hseon().set_bit());
     let crystal = poll(CRYSTAL_POLLS, || rcc.cr().read().hserdy().bit_is_set());
     if crystal_fits && crystal && lock(rcc, Source::Crystal) {
-        switch(rcc, pwr, flash)?;
+        switch(rcc, pwr, flash, feed)?;
         rcc.cr().modify(|_, w| w.csson().set_bit());
         return Some(Source::Crystal);
     }
@@ -70,7 +70,7 @@ pub fn start(crystal_fits: bool) -> Option<Source> {
     // The PLL takes no new factors before it has stopped.
     poll(POLLS, || rcc.cr().read().pllrdy().bit_is_clear());
     if lock(rcc, Source::Internal) {
-        switch(rcc, pwr, flash)?;
+        switch(rcc, pwr, flash, feed)?;
         return Some(Source::Internal);
     }
     None
@@ -101,9 +101,14 @@ fn switch(
     rcc: &rcc::RegisterBlock,
     pwr: &pwr::RegisterBlock,
     flash: &flash::RegisterBlock,
+    feed: impl Fn() + Copy,
 ) -> Option<()> {
     if !poll(POLLS, || pwr.csr().read().vosrdy().bit_is_set()) {
         return None;
+    }
+    // A supply that still rises would read the flash wrong at 100 MHz; at the HSI's 16 MHz it does not.
+    while supply_is_low() {
+        feed();
     }
     flash.acr().write(|w| {
         w.latency().ws4();
@@ -158,6 +163,9 @@ pub fn enable_peripherals() {
         w.syscfgen().set_bit()
     });
     rcc.apb2enr().modify(|_, w| w.tim1en().set_bit());
+    // The servo's pulse goes on in WFI: of all clocks used here, a reset leaves TIM1's alone off in Sleep (RM0383,
+    // 6.3.13 to 6.3.15).
+    rcc.apb2lpenr().modify(|_, w| w.tim1lpen().set_bit());
     // Read back: a peripheral answers two bus cycles after its clock is enabled (ES0287, 2.2.7).
     let _ = rcc.apb2enr().read();
 }

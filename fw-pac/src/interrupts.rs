@@ -30,6 +30,7 @@ macro_rules! handlers {
                 let mut token = unsafe { $priority::new() };
                 let body: fn(&mut $priority) = $body;
                 body(&mut token);
+                end();
             }
         )*
 
@@ -71,6 +72,13 @@ handlers! {
     DMA1_STREAM0: RobotLevel => |token| APP.borrow(token).on_gyro(Gyro::on_received);
 }
 
+/// A store that is still on its way at an exception's return may lead to another's vector (Cortex-M4 r0p1, erratum
+/// 838869; ES0287, 2.1).
+#[inline]
+fn end() {
+    cortex_m::asm::dsb();
+}
+
 #[inline]
 fn on_edge(token: &mut Capture, which: RangefinderId, line: u8) {
     let at = time::now();
@@ -84,6 +92,7 @@ fn PendSV() {
     // SAFETY: `enable` gives this handler this priority.
     let mut token = unsafe { RobotLevel::new() };
     APP.borrow(&mut token).process_events();
+    end();
 }
 
 /// Enables every interrupt. Takes the token with which boot used what is the handlers' from here on.

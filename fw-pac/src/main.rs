@@ -96,7 +96,7 @@ fn start_hardware(log: &mut Log) -> (Start, Uart) {
     safe_state::outputs_off();
     watchdog::start();
     leds::start(fw_core::robot::leds(State::Booting));
-    let Some(clock) = clock::start(true) else {
+    let Some(clock) = clock::start(true, watchdog::feed) else {
         safe_state::halt(b"no clock");
     };
     watchdog::feed();

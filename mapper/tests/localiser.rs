@@ -27,8 +27,7 @@ impl Drive {
 
     /// The room's visible surfaces in the map's frame, by the best rigid alignment of the way.
     fn walls(&self, room: &Room) -> Vec<Segment> {
-        let frame = room.start.compose(&self.frame());
-        in_estimate_frame(&room.visible_surfaces(), &frame)
+        in_estimate_frame(&room.visible_surfaces(), &room.start.compose(&self.frame()))
     }
 
     #[allow(clippy::cast_precision_loss)]

@@ -7,8 +7,8 @@ use pilot::calibrate::explored::Explored;
 use pilot::calibrate::wheel_geometry::WheelGeometry;
 use robot_tests::exploration::{self, Figures};
 use robot_tests::test_board::Rig;
+use twin::Board;
 use twin::plant::{Faults, Imperfections, Pose2, Room, Sides};
-use twin::{Board, Options};
 
 /// 2 m by 1.6 m with a box in it.
 fn small_room() -> Room {
@@ -136,11 +136,9 @@ fn learned_wheels_in_eeprom_improve_next_exploration() {
     let mut settings = sample.with(&by_ruler.values()).expect("accepted");
     let (mut off, mut raw_mm) = (Vec::new(), Vec::new());
     for _ in 0..2 {
-        let eeprom = Some(settings.image().0.to_vec());
-        let rig = Rig::new(Options {
-            eeprom,
-            ..options()
-        });
+        let mut options = options();
+        options.eeprom = Some(settings.image().0.to_vec());
+        let rig = Rig::new(options);
         let run = exploration::explore(&mut rig.io(), &rig, |_| ()).expect("a session");
         let assumed = WheelGeometry::from_config(settings.config());
         let ratio = assumed.right_mm / assumed.left_mm / (right / left);

@@ -86,6 +86,18 @@ fn supply_below_threshold_stops_motors() {
     stays_off(&rig, "supply low: motors off");
 }
 
+/// Until then the core runs at the 16 MHz of its reset and the watchdog is fed.
+// Requirement: WIRE-fault-14
+#[test]
+fn supply_below_threshold_delays_boot() {
+    let rig = Rig::new(Options::with_eeprom(original_image()));
+    rig.set_supply(2_600);
+    rig.run_us(500_000);
+    assert!(!rig.is_ready() && rig.log().is_empty() && rig.resets().is_empty());
+    rig.set_supply(3_300);
+    rig.assert_ready();
+}
+
 /// Between two ticks and over before the next.
 // Requirement: WIRE-fault-14
 #[test]

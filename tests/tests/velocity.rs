@@ -105,8 +105,9 @@ fn obstacle_stops_before_wall_until_way_is_free() {
     let reports = drive(&mut robot, (120.0, 0.0), 0, 15_000);
     assert_eq!(robot.rig.truth().collisions, 0);
     // Overhang and stop distance, less 1 % for the speed of sound and three deviations of a measurement.
-    let ahead = robot.rig.world(|world| world.true_range_mm(FRONT));
-    let ahead = ahead.expect("a wall");
+    let ahead = robot
+        .rig
+        .world(|world| world.true_range_mm(FRONT).expect("a wall"));
     assert!((164.8..200.0).contains(&ahead), "{ahead} mm");
     assert!(robot.last.obstacle_limited && robot.last.faults.is_empty());
     assert!(!reports[100].obstacle_limited, "far from it");

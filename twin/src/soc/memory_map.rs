@@ -294,4 +294,5 @@ fn corrections(mut builder: Builder) -> Builder {
         // Section 10.3.6: PR is rc_w1.
         .write_modify("EXTI", "PR", WriteModify::OneToClear)
         .reset("RCC", "PLLI2SCFGR", 0x2400_3000)
+        .reset("RCC", "APB2LPENR", 0x0007_7930)
 }

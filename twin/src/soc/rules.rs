@@ -6,7 +6,9 @@ use rigless::emulator::{Access, AccessKind};
 use rigless::soc::Layout;
 use rigless::soc::stm32f427::generated as g;
 use rigless::soc::stm32f427::generated::i2c3::Register::{Ccr, Cr1, Cr2, Trise};
-use rigless::soc::stm32f427::generated::rcc::Register::{Ahb1rstr, Apb1rstr, Apb2rstr, Cr};
+use rigless::soc::stm32f427::generated::rcc::Register::{
+    Ahb1rstr, Apb1rstr, Apb2lpenr, Apb2rstr, Cr,
+};
 use rigless::time::VirtualNanos;
 
 use super::{Role, Stm32f411, memory_map};
@@ -16,6 +18,7 @@ use crate::pinout;
 const DMA1: u64 = 0x4002_6000;
 const PWR_CR: u64 = 0x4000_7000;
 const I2C1_CR1: u64 = 0x4000_5400;
+const TIM1_CR1: u64 = 0x4001_0000;
 const GPIOB_MODER: u64 = 0x4002_0400;
 const ADC1_CR2: u64 = 0x4001_2008;
 /// Port A's register of pulls, and the bits that tell the ports apart.
@@ -75,6 +78,10 @@ impl Stm32f411 {
         match access.address {
             DMA1..0x4002_6800 => self.check_stream(now, access.address - DMA1, value, write),
             I2C1_CR1 if write => self.check_i2c(now, value),
+            TIM1_CR1 if write && value & !self.block(self.slots.rcc).get(Apb2lpenr) & 1 != 0 => {
+                let reason = "counts without a clock in Sleep, RM0383 6.3.15";
+                self.tell(now, self.slots.tim1, "CR1", reason);
+            }
             GPIOB_MODER if write && !self.i2c_connected() => {
                 self.rules.i2c_reset = false;
                 self.check_open_drain(now);

@@ -5,6 +5,8 @@ use rigless::emulator::{Access, AccessKind};
 const CFGR: u64 = RCC + 8;
 const ACR: u64 = 0x4002_3C00;
 const APB1RSTR: u64 = RCC + 0x20;
+const APB2LPENR: u64 = RCC + 0x64;
+const TIM1_CR1: u64 = 0x4001_0000;
 const GPIOA_MODER: u64 = 0x4002_0000;
 const GPIOA_OSPEEDR: u64 = GPIOA_MODER + 8;
 const GPIOB_MODER: u64 = 0x4002_0400;
@@ -72,7 +74,7 @@ fn forbidden_accesses_are_reported_and_right_ones_not() {
         changed[nth].1 = value;
         changed
     };
-    let cases: [Case; 22] = [
+    let cases: [Case; 24] = [
         (
             STOPPED.into(),
             &[(STREAM, READ), (LIFCR, 0x3D), (STREAM + 4, 8), (STREAM, 1)],
@@ -121,6 +123,8 @@ fn forbidden_accesses_are_reported_and_right_ones_not() {
         ),
         (vec![(APB1RSTR, 1 << 21), (CR2, 16)], &[], &["any"]),
         (vec![(APB1RSTR, 1 << 21), (APB1RSTR, 0)], &[(CR2, 16)], &[]),
+        (vec![(APB2ENR, 1), (APB2LPENR, 1)], &[(TIM1_CR1, 1)], &[]),
+        (vec![(APB2ENR, 1)], &[(TIM1_CR1, 1)], &["CR1"]),
         (ADC.into(), &[SWSTART], &[]),
         (instead(&ADC, 0, 3), &[SWSTART], &["CR2"]),
         (instead(&ADC, 1, 0), &[SWSTART], &["CR2", "CR2"]),
