@@ -12,6 +12,7 @@ use std::collections::{HashMap, VecDeque};
 use std::fmt::Display;
 use std::fs;
 use std::io::ErrorKind;
+use std::net::Shutdown;
 use std::os::unix::fs::MetadataExt;
 use std::os::unix::net::UnixStream;
 use std::path::Path;
@@ -97,8 +98,8 @@ impl Client {
     fn exchange(&mut self, request: &Request, interrupt: &Interrupt) -> Result<(), Error> {
         let line = serde_json::to_string(request).unwrap_or_default();
         let sent = self.lines.send(&line).map_err(lost);
-        let ends = Instant::now() + REPLY;
-        while Instant::now() < ends {
+        let (ends, mut late) = (Instant::now() + REPLY, false);
+        loop {
             interrupt.check()?;
             match self.receive()? {
                 // Why a server drops a client is its last message, which no request need reach.
@@ -107,10 +108,15 @@ impl Client {
                 }) => return Err(why.into()),
                 Some(Message::Reply { .. }) => return sent,
                 Some(message) => self.queue.push_back(message),
-                None => {}
+                // What came while this process was suspended has been read.
+                None if late => {
+                    // A reply that comes later would be taken for the next request's.
+                    let _ = self.lines.stream().shutdown(Shutdown::Both);
+                    return Err(lost("no reply"));
+                }
+                None => late = Instant::now() > ends,
             }
         }
-        Err(lost("no reply"))
     }
 
     /// The next message, if one has come within 10 ms.

@@ -28,6 +28,7 @@ mod serve;
 mod servo_scan;
 mod sound_speed;
 mod statistics;
+mod teleop;
 mod throughput;
 mod tune;
 mod velocity;

@@ -1,10 +1,8 @@
 //! The program `robot` on the virtual board, as its user runs it.
 
 use plant::Rng;
-use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
-use std::fs::{self, File};
-use std::io::{BufRead, BufReader, Write};
-use std::os::unix::ffi::OsStringExt;
+use std::fs;
+use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
@@ -14,11 +12,11 @@ use tempfile::TempDir;
 const JOURNAL: &str = "eeprom.bin.eeprom.before";
 
 /// The program with a virtual EEPROM in a folder of the test's own.
-struct Program(TempDir);
+pub struct Program(TempDir);
 
 impl Program {
     /// A blank one, with the sample configuration in robot.toml, and with a servo in second.toml.
-    fn blank() -> Self {
+    pub fn blank() -> Self {
         let program = Self(tempfile::tempdir().expect("a folder"));
         program.expect(0, "eeprom init robot.toml");
         let first = fs::read_to_string(program.file("robot.toml")).expect("there");
@@ -28,7 +26,7 @@ impl Program {
     }
 
     /// With the sample configuration.
-    fn configured() -> Self {
+    pub fn configured() -> Self {
         let program = Self::blank();
         program.expect_each("0 | eeprom write robot.toml | 0x0000 to 0x000C differ");
         program
@@ -38,7 +36,7 @@ impl Program {
         self.0.path().join(name)
     }
 
-    fn command(&self, words: &str) -> Command {
+    pub fn command(&self, words: &str) -> Command {
         let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
         let file = |variable: &str, usual: &str| {
             let named = std::env::var_os(variable).map(PathBuf::from);
@@ -53,7 +51,7 @@ impl Program {
     }
 
     /// Starts a server that keeps up with any computer, and waits until it serves.
-    fn serve(&self) -> Server {
+    pub fn serve(&self) -> Server {
         let mut serve = self.command("serve --speed max");
         let mut server = serve.stderr(Stdio::piped()).spawn().expect("started");
         let mut lines = BufReader::new(server.stderr.take().expect("piped")).lines();
@@ -65,7 +63,7 @@ impl Program {
 
     /// Runs the program; its standard output and error together.
     #[track_caller]
-    fn expect(&self, code: i32, words: &str) -> String {
+    pub fn expect(&self, code: i32, words: &str) -> String {
         let done = self.command(words).output();
         let done = done.expect("`cargo build --release -p pilot --features virtual` first");
         let text = String::from_utf8_lossy(&[done.stdout, done.stderr].concat()).into_owned();
@@ -75,7 +73,7 @@ impl Program {
 
     /// Runs the program in each of these ways: a line has the exit code, the words and a text that it prints.
     #[track_caller]
-    fn expect_each(&self, runs: &str) {
+    pub fn expect_each(&self, runs: &str) {
         let lines = runs.trim().lines().map(str::trim);
         for run in lines.filter(|line| !line.starts_with("//")) {
             let parts: Vec<&str> = run.splitn(3, " | ").collect();
@@ -88,12 +86,24 @@ impl Program {
     }
 }
 
-struct Server(Child);
+/// Ends with it.
+pub struct Server(Child);
 
 impl Drop for Server {
     fn drop(&mut self) {
         let _ = self.0.kill();
         let _ = self.0.wait();
+    }
+}
+
+/// Kills a program that has not ended after half a minute.
+pub fn await_end(child: &mut Child) {
+    let begun = Instant::now();
+    while child.try_wait().expect("a child").is_none() {
+        if begun.elapsed() > Duration::from_secs(30) {
+            child.kill().expect("a child");
+        }
+        std::thread::sleep(Duration::from_millis(20));
     }
 }
 
@@ -109,13 +119,7 @@ fn closed_pipe_ends_monitor_and_log_without_an_error() {
         let mut lines = BufReader::new(command.stdout.take().expect("piped")).lines();
         assert!(lines.any(|line| line.is_ok_and(|line| line.ends_with(last))));
         drop(lines);
-        let begun = Instant::now();
-        while command.try_wait().expect("a child").is_none() {
-            if begun.elapsed() > Duration::from_secs(30) {
-                command.kill().expect("a child");
-            }
-            std::thread::sleep(Duration::from_millis(20));
-        }
+        await_end(&mut command);
         let ended = command.wait_with_output().expect("ended");
         assert_eq!(ended.status.code(), Some(0), "{words}");
         assert_eq!(String::from_utf8_lossy(&ended.stderr), "", "{words}");
@@ -145,6 +149,7 @@ fn senseless_drives_are_refused_before_they_move() {
         2 | bringup robot.toml --link | --link
         2 | map --from drive.mcap --timeout 2 | --timeout
         2 | map --served | none runs
+        2 | goto 100 0 0 --start 1,1,1 | --start
         11 | map tour | map.png
         11 | explore --out plan | explored.json
         2 | map tour --out plan --record plan.pgm | plan.pgm would be written twice
@@ -288,45 +293,6 @@ fn commands_borrow_the_robot_of_a_server() {
         ",
     );
     assert!(!journal.exists());
-}
-
-/// Runs `teleop` at a terminal where these keys are typed.
-fn teleop(program: &Program, typed: &[u8]) {
-    let pty = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).expect("a pty");
-    grantpt(&pty).expect("granted");
-    unlockpt(&pty).expect("unlocked");
-    let name = ptsname(&pty, Vec::new()).expect("a name").into_bytes();
-    let name = std::ffi::OsString::from_vec(name);
-    let open = || File::options().read(true).write(true).open(&name);
-    let mut command = program.command("teleop --yes");
-    let terminal = open().expect("a terminal");
-    command.stdout(open().expect("a terminal")).stdin(terminal);
-    let mut teleop = command.stderr(Stdio::null()).spawn().expect("started");
-    drop(command);
-    let mut keys = File::from(pty);
-    let mut screen = keys.try_clone().expect("a copy");
-    let shown = std::thread::spawn(move || std::io::copy(&mut screen, &mut std::io::sink()));
-    for key in typed.chunks(1) {
-        std::thread::sleep(Duration::from_millis(100));
-        keys.write_all(key).expect("typed");
-    }
-    assert_eq!(teleop.wait().expect("ended").code(), Some(0));
-    let _ = shown.join();
-}
-
-// Requirement: SERVE-teleop-1
-#[test]
-fn teleop_drives_by_keys_of_a_terminal() {
-    let alone = Program::configured();
-    alone.expect_each("0 | mode guarded-normal | both ends");
-    teleop(&alone, b"q");
-    alone.expect_each("0 | eeprom diff robot.toml | no difference");
-    let program = Program::blank();
-    let _server = program.serve();
-    teleop(&program, b"wwwwwwwwwwwwwwwwwwwwq");
-    let status = program.expect(0, "--json status");
-    let shown: serde_json::Value = serde_json::from_str(&status).expect("JSON");
-    assert!(shown["pose"]["x_mm"].as_f64() > Some(50.0), "{status}");
 }
 
 /// Environment variable with the number of kills; 200 for a release.

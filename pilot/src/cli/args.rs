@@ -335,7 +335,8 @@ pub struct Map {
     /// Record while driving (MCAP with ROS 2 messages)
     #[arg(long, value_name = "FILE", conflicts_with = "from")]
     pub record: Option<PathBuf>,
-    /// Files to write, without their endings .png, .pgm, .yaml; the map by odometry alone gets -raw
+    /// Files to write, without their endings .png, .pgm, .yaml; the map by odometry alone gets -raw, that of an
+    /// aborted drive -aborted where there is another
     #[arg(long, value_name = "STEM", default_value = "map", value_parser = stem())]
     pub out: PathBuf,
     /// Size of a map cell, mm
@@ -356,7 +357,8 @@ pub struct Replay {
 
 #[derive(Args)]
 pub struct Explore {
-    /// Files to write, without their endings .png, .pgm, .yaml; the map by odometry alone gets -raw
+    /// Files to write, without their endings .png, .pgm, .yaml; the map by odometry alone gets -raw, that of an
+    /// aborted drive -aborted where there is another
     #[arg(long, value_name = "STEM", default_value = "map", value_parser = stem())]
     pub out: PathBuf,
     /// Record while driving (MCAP with ROS 2 messages)

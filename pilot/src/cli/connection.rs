@@ -113,7 +113,8 @@ impl Context<'_> {
             .and_then(|()| job(&mut connection));
         let finished = finish(matches!(outcome, Err(Error::NotReady { .. })));
         let outcome = outcome.map_err(|error| error.of_image(self.image_file(None)));
-        outcome.and_then(|done| finished.map(|()| done))
+        let done = self.output.or_warn(outcome, &finished)?;
+        finished.map(|()| done)
     }
 
     /// The image file that is given, or the virtual robot's.

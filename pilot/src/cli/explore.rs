@@ -65,11 +65,20 @@ pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
         });
         // What was seen before an error is worth keeping, whatever the error was.
         let link = session.statistics();
-        let kept = explored::keep(&learned, context);
         let driving = driven.as_ref().ok();
-        let saved = save(explore, &localisation, (driving, learned), link, context).and(kept);
-        driven?.ensure_complete("the room is not wholly explored")?;
-        saved.and(written)
+        // An error before something was learned leaves what another run has.
+        let is_worth = driving.is_some() || learned.wheels().is_ok();
+        let kept = if is_worth {
+            explored::keep(&learned, context)
+        } else {
+            Ok(())
+        };
+        let out = map::stem(&explore.out, driving.is_none());
+        let saved = save(&out, &localisation, (driving, learned), link, context).and(kept);
+        let saved = context.output.or_warn(saved, &written).and(written);
+        let complete =
+            driven.and_then(|driven| driven.ensure_complete("the room is not wholly explored"));
+        context.output.or_warn(complete, &saved).and(saved)
     })
 }
 
@@ -218,13 +227,13 @@ pub fn ensure_mode(
 }
 
 fn save(
-    explore: &Explore,
+    out: &Path,
     localisation: &Localisation,
     (drive, learned): (Option<&Drive>, Explored),
     link: LinkStatistics,
     context: Context<'_>,
 ) -> Result<(), Error> {
-    let [files, raw_files] = localisation.save_maps(&explore.out)?;
+    let [files, raw_files] = localisation.save_maps(out)?;
     let (path_mm, free_m2) = (
         localisation.path_mm(),
         free_m2(localisation.localiser.grid()),

@@ -4,6 +4,7 @@ use super::args::Map;
 use super::connection::{Context, interrupt};
 use super::drive;
 use host_link::error::Error;
+use host_link::file;
 use host_link::session::Session;
 use host_link::snapshot::Snapshot;
 use host_link::statistics::LinkStatistics;
@@ -39,7 +40,7 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
                 interrupt.check()?;
                 localisation.observe(sample);
             }
-            save(map, &localisation, None, context)
+            save(&map.out, &localisation, None, context)
         }
         (Some(file), None) => {
             let waypoints = waypoints::load(file)?;
@@ -73,8 +74,10 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
                     recorder.finish(end_us, grid, odom)
                 });
                 let link = Some(session.statistics());
-                let saved = save(map, &localisation, link, context);
-                outcome.and(saved).and(written)
+                let out = stem(&map.out, outcome.is_err());
+                let saved = save(&out, &localisation, link, context);
+                let saved = context.output.or_warn(saved, &written).and(written);
+                context.output.or_warn(outcome, &saved).and(saved)
             })
         }
         (None, None) => Err(Error::Usage(
@@ -149,13 +152,19 @@ pub fn recorder(
         .transpose()
 }
 
+/// Where a map goes: one whose drive an error has ended does not replace another.
+pub fn stem(out: &Path, is_aborted: bool) -> PathBuf {
+    let replaces = is_aborted && Files::new(out).pgm.exists();
+    file::with_suffix(out, if replaces { "-aborted" } else { "" })
+}
+
 fn save(
-    map: &Map,
+    out: &Path,
     localisation: &Localisation,
     link: Option<LinkStatistics>,
     context: Context<'_>,
 ) -> Result<(), Error> {
-    let [files, raw_files] = localisation.save_maps(&map.out)?;
+    let [files, raw_files] = localisation.save_maps(out)?;
     let (reports, path_mm) = (localisation.trace.len(), localisation.path_mm());
     let done = json!({
         "files": files, "raw_files": raw_files, "reports": reports, "path_mm": path_mm, "link": link,

@@ -141,6 +141,11 @@ fn run(arguments: &Arguments, matches: &ArgMatches, output: Output) -> Result<Ex
         Command::Log => stop::log(context),
         Command::Goto(goto) => match &goto.map {
             Some(map) => explore::go_to(goto, map, context),
+            // clap requires no map where ROT, which a map excludes, is given.
+            None if goto.start.is_some() || goto.yes => {
+                let why = "--start and --yes are for --map, which takes X Y without ROT";
+                Err(Error::Usage(why.into()))
+            }
             None => drive::run(&[goto.target()], &goto.criteria, context),
         },
         Command::Tour(tour) => drive::run(

@@ -99,6 +99,18 @@ impl Output {
         }
     }
 
+    /// An outcome; what failed after it is shown where its own error ends the program.
+    pub fn or_warn<T>(
+        self,
+        outcome: Result<T, Error>,
+        after: &Result<(), Error>,
+    ) -> Result<T, Error> {
+        if let (Err(_), Err(error)) = (&outcome, after) {
+            self.warn(&error.to_string());
+        }
+        outcome
+    }
+
     /// Whether lines are overwritten.
     pub fn is_live(self) -> bool {
         self.terminal && !self.json

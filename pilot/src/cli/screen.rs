@@ -2,6 +2,7 @@
 
 use super::connection::interrupt;
 use super::monitor;
+use super::output::Output;
 use host_link::error::Error;
 use mapper::{Cell, Point};
 use pilot::client::{Client, View};
@@ -79,7 +80,10 @@ pub fn run(client: &mut Client, dead_man: Option<DeadMan>) -> Result<(), Error> 
             terminal.draw(draw).map_err(unwritable)?;
         }
         let mut keys = Vec::new();
-        while event::poll(Duration::ZERO).map_err(unwritable)? {
+        // crossterm reads from a terminal that has hung up for ever.
+        while Output::check_reader()
+            .and_then(|()| event::poll(Duration::ZERO).map_err(unwritable))?
+        {
             keys.extend(key(&event::read().map_err(unwritable)?));
         }
         Ok(keys)

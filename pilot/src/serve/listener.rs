@@ -114,13 +114,17 @@ pub fn serve(transport: &impl Transport, port: &Port, token: Option<&str>) {
             port.leave();
             if dropped {
                 let what = "this client does not keep up, or the server has ended";
-                return Err(io::Error::other(what));
+                return Err(io::Error::new(ErrorKind::ConnectionAborted, what));
             }
             ended
         })
     });
     if let Err(cause) = ended {
-        let _ = transport.send(&refusal(cause.to_string(), Exit::Usage));
+        let exit = match cause.kind() {
+            ErrorKind::ConnectionAborted => Exit::Device,
+            _ => Exit::Usage,
+        };
+        let _ = transport.send(&refusal(cause.to_string(), exit));
     }
 }
 
