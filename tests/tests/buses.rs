@@ -157,7 +157,7 @@ fn log_baud_changes_to_configured_rate_after_boot() {
         let later = pace(&rig, |line| line.contains(": pose "));
         assert!((later - 10e6 / f64::from(baud)).abs() < 0.2, "{later} µs");
     }
-    // A reader at the boot's rate sees the last of its lines whole, and then nothing that it can read.
+    // A reader at the boot's rate sees the last of its lines whole; what follows it cannot read.
     let image = Image::FIRST_BOARD.with(fields::LOG_BAUD, 9_600);
     let log = Rig::configured(image.0.to_vec()).uart();
     assert!(String::from_utf8_lossy(&log).contains("configured, mode Normal\n"));

@@ -113,8 +113,7 @@ impl Context<'_> {
             .and_then(|()| job(&mut connection));
         let finished = finish(matches!(outcome, Err(Error::NotReady { .. })));
         let outcome = outcome.map_err(|error| error.of_image(self.image_file(None)));
-        let done = self.output.or_warn(outcome, &finished)?;
-        finished.map(|()| done)
+        self.output.both(outcome, finished)
     }
 
     /// The image file that is given, or the virtual robot's.

@@ -74,11 +74,12 @@ pub fn run(explore: &Explore, context: Context<'_>) -> Result<(), Error> {
             Ok(())
         };
         let out = map::stem(&explore.out, driving.is_none());
-        let saved = save(&out, &localisation, (driving, learned), link, context).and(kept);
-        let saved = context.output.or_warn(saved, &written).and(written);
+        let saved = save(&out, &localisation, (driving, learned), link, context);
+        let saved = context.output.both(saved, kept);
+        let saved = context.output.both(saved, written);
         let complete =
             driven.and_then(|driven| driven.ensure_complete("the room is not wholly explored"));
-        context.output.or_warn(complete, &saved).and(saved)
+        context.output.both(complete, saved)
     })
 }
 

@@ -76,8 +76,8 @@ pub fn run(map: &Map, context: Context<'_>) -> Result<(), Error> {
                 let link = Some(session.statistics());
                 let out = stem(&map.out, outcome.is_err());
                 let saved = save(&out, &localisation, link, context);
-                let saved = context.output.or_warn(saved, &written).and(written);
-                context.output.or_warn(outcome, &saved).and(saved)
+                let saved = context.output.both(saved, written);
+                context.output.both(outcome, saved)
             })
         }
         (None, None) => Err(Error::Usage(

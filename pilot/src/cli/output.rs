@@ -99,16 +99,12 @@ impl Output {
         }
     }
 
-    /// An outcome; what failed after it is shown where its own error ends the program.
-    pub fn or_warn<T>(
-        self,
-        outcome: Result<T, Error>,
-        after: &Result<(), Error>,
-    ) -> Result<T, Error> {
-        if let (Err(_), Err(error)) = (&outcome, after) {
-            self.warn(&error.to_string());
+    /// An outcome and that of what came after it: the first error ends the program, a second is shown.
+    pub fn both<T>(self, outcome: Result<T, Error>, after: Result<(), Error>) -> Result<T, Error> {
+        if let (Err(_), Err(second)) = (&outcome, &after) {
+            self.warn(&second.to_string());
         }
-        outcome
+        outcome.and_then(|done| after.map(|()| done))
     }
 
     /// Whether lines are overwritten.
