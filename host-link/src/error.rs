@@ -48,6 +48,9 @@ impl Exit {
     }
 }
 
+/// Where [`Error::Rejected`] found its configuration, unless in a file or in what would be written.
+pub const IN_EEPROM: &str = "in the EEPROM";
+
 /// Everything that ends a command early. The text says what, where, and what to do next.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -109,8 +112,7 @@ pub enum Error {
         /// What had gone wrong before, if anything.
         first: Option<Box<Error>>,
     },
-    /// An EEPROM's content is not acceptable: in the EEPROM or in which image file; address, field, value and
-    /// accepted range.
+    /// An EEPROM's content is not acceptable: [`IN_EEPROM`] or where else; address, field, value and accepted range.
     #[error("configuration rejected {0}: {1}; correct it and run `robot eeprom write`")]
     Rejected(String, String),
     /// The mode of this name, which the EEPROM selects, lacks what the command needs.
@@ -214,9 +216,13 @@ pub enum Error {
     /// A file could not be written; the system's reason.
     #[error("cannot write {path}: {1}", path = .0.display())]
     Unwritable(PathBuf, String),
-    /// Another process holds the lock, this file.
-    #[error("another `robot` process uses the robot (lock {}); wait for it or end it", .0.display())]
-    Busy(PathBuf),
+    /// Another process holds the lock, this file; its number, where the kernel tells it.
+    #[error(
+        "another `robot` process uses the robot (lock {}); wait for it, or {}",
+        .0.display(),
+        .1.map_or("end it".into(), |process| format!("`robot stop` ends process {process}"))
+    )]
+    Busy(PathBuf, Option<i32>),
     /// What a server of the robot, or the connection to it, reports.
     #[error("{text}")]
     Server {
@@ -285,7 +291,7 @@ impl Error {
     #[must_use]
     pub fn of_image(self, file: Option<&Path>) -> Self {
         match (self, file) {
-            (Self::Rejected(_, what), Some(file)) => {
+            (Self::Rejected(place, what), Some(file)) if place == IN_EEPROM => {
                 Self::Rejected(format!("in {}", file.display()), what)
             }
             (error, _) => error,

@@ -1,7 +1,7 @@
 //! Goes to a point of a known map.
 
 use geometry::Point;
-use mapper::Grid;
+use mapper::{Cell, Grid};
 
 use crate::driver::{Driver, Step};
 use crate::manoeuvre::Kind;
@@ -42,6 +42,14 @@ impl GoTo {
             waits: 0,
             nearest_mm: f64::INFINITY,
         }
+    }
+
+    /// Whether the map shows free floor at the target: without any, no way leads there from anywhere.
+    pub fn has_floor(grid: &Grid, target: Point) -> bool {
+        grid.cells().any(|(column, row)| {
+            let away_mm = grid.middle(column, row).distance_mm(target);
+            grid.cell(column, row) == Cell::Free && away_mm <= NEAR_MM
+        })
     }
 
     /// Takes a frame: the map and the robot's report.
@@ -136,6 +144,15 @@ mod tests {
 
     fn is_at_rest(action: Action) -> bool {
         matches!(action, Action::Drive(velocity) if velocity.forward_mm_s.abs() < 1e-9)
+    }
+
+    #[test]
+    fn floor_is_at_most_a_tenth_of_a_metre_from_the_target() {
+        let grid = draw(&["...#"]);
+        for (x_mm, expected) in [(-90.0, false), (-80.0, true), (380.0, true), (400.0, false)] {
+            let target = Point::new(x_mm, 50.0);
+            assert_eq!(GoTo::has_floor(&grid, target), expected, "{x_mm}");
+        }
     }
 
     #[test]

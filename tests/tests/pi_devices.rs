@@ -158,13 +158,20 @@ fn killed_program_leaves_a_robot_that_stops_and_is_repaired() {
     assert!(!text.contains("was killed"), "{text}");
     // After late frames it may still return from beyond its target.
     assert!((0..500).any(|_| !begins()), "the motors do not rest");
-    // A request to end, as a service's, is no kill.
-    let mut goto = pi.start("goto 400 0 0");
-    assert!((0..3_000).any(|_| begins()), "nothing moves");
-    let ended = Command::new("kill").arg(goto.id().to_string()).status();
-    assert!(ended.is_ok_and(|status| status.success()));
-    assert_eq!(goto.wait().expect("ended").code(), Some(130));
-    assert!(!moves(), "the motors do not stop");
+    // A request to end, as a service's or that of `stop`, is no kill.
+    for x_mm in [400, -400] {
+        let mut goto = pi.start(&format!("goto {x_mm} 0 0"));
+        assert!((0..3_000).any(|_| begins()), "nothing moves");
+        if x_mm > 0 {
+            let ended = Command::new("kill").arg(goto.id().to_string()).status();
+            assert!(ended.is_ok_and(|status| status.success()));
+        } else {
+            reports(&pi.expect(12, "status"), "`robot stop` ends process");
+            reports(&pi.expect(0, "stop"), "stopped");
+        }
+        assert_eq!(goto.wait().expect("ended").code(), Some(130));
+        assert!(!moves(), "the motors do not stop");
+    }
 }
 
 #[test]

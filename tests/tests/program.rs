@@ -237,6 +237,7 @@ fn robot_is_checked_calibrated_and_explores_a_room() {
         0 | calibrate from-explore --dry-run | not written
         8 | --room small.room explore --timeout 20 --out part | the time ran out
         0 | --room small.room goto --map map.yaml 200 100 --start 0,0,0 | arrived at x
+        2 | goto --map map.yaml 9000 0 | no free floor at x 9000 mm
         0 | replay way.mcap | mm
         0 | calibrate distance --measured 506,-3 --length 500 --yes | 506.0 mm ahead, -3.0 mm
         3 | calibrate from-explore --dry-run | explore again

@@ -11,7 +11,7 @@ mod render;
 
 pub use render::{Change, changes, render};
 
-use crate::error::Error;
+use crate::error::{Error, IN_EEPROM};
 use crate::file;
 use fw_core::eeprom::{Config, Field, Image, PLATFORM, fields};
 use fw_core::wire::Mode;
@@ -65,7 +65,7 @@ impl Settings {
     /// # Errors
     /// [`Error::Rejected`] names address, field, value and accepted range.
     pub fn from_image(image: &Image) -> Result<Self, Error> {
-        let rejected = |what| Error::Rejected("in the EEPROM".into(), what);
+        let rejected = |what| Error::Rejected(IN_EEPROM.into(), what);
         if *image == Image::BLANK {
             let blank = "it is blank; `robot eeprom init` makes a file to start from";
             return Err(rejected(blank.into()));
@@ -102,7 +102,10 @@ impl Settings {
             image.set(field, raw);
         }
         image.seal();
-        Self::from_image(&image)
+        Self::from_image(&image).map_err(|error| match error {
+            Error::Rejected(_, what) => Error::Rejected("with what would be written".into(), what),
+            error => error,
+        })
     }
 
     /// The image to write. Undefined bytes are those of the image that it was read from.
@@ -157,6 +160,14 @@ pub fn decode(image: &Image) -> Result<Config, Error> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn change_that_is_rejected_does_not_blame_the_eeprom() {
+        let first = Settings::first_board().unwrap();
+        let refused = first.with(&[(fields::TRACK, 1)]).unwrap_err().to_string();
+        let whose = "rejected with what would be written: ";
+        assert!(refused.contains(whose), "{refused}");
+    }
 
     #[test]
     fn blank_image_is_rejected_with_the_command_that_starts_one() {

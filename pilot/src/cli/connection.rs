@@ -1,6 +1,7 @@
 //! The robot that the options choose: its lock, its I/O, and the repair of what a killed run left.
 
 use super::board_args::{self, BoardArgs};
+use super::lock::Lock;
 use super::output::Output;
 use clap::ArgMatches;
 use host_link::board_io::{BoardIo, Interrupt};
@@ -17,9 +18,7 @@ use pilot::serve::control;
 use pilot::serve::hub::Hub;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
-use std::fs::{self, File, Permissions, TryLockError};
-use std::io::{self, ErrorKind, Write};
-use std::os::unix::fs::{MetadataExt, PermissionsExt, fchown};
+use std::fs;
 use std::panic::resume_unwind;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -287,104 +286,4 @@ fn ignored_signals(status: &str) -> u64 {
     let mask = lines.find_map(|line| line.strip_prefix("SigIgn:"));
     mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok())
         .unwrap_or_default()
-}
-
-/// One process at a time uses a robot. The system releases the lock when the process ends, also by a
-/// kill; the file is emptied by an orderly end only.
-struct Lock {
-    file: File,
-    /// The last holder was killed, and that has not been repaired yet.
-    killed: bool,
-}
-
-impl Lock {
-    /// Takes the lock; it has the group of `device`.
-    fn take(path: &Path, device: Option<&Path>) -> Result<Self, Error> {
-        let unwritable = |cause| Error::unwritable(path, &cause);
-        if let Some(folder) = path.parent() {
-            fs::create_dir_all(folder).map_err(|cause| Error::unwritable(folder, &cause))?;
-        }
-        let mut file = open_lock(path, device).map_err(unwritable)?;
-        match file.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => return Err(Error::Busy(path.into())),
-            Err(TryLockError::Error(cause)) => return Err(unwritable(cause)),
-        }
-        let killed = file.metadata().map_err(unwritable)?.len() > 0;
-        file.write_all(b"held\n").map_err(unwritable)?;
-        Ok(Self { file, killed })
-    }
-}
-
-/// Opens or makes a lock file. In a shared folder a link, or a file that is more than a lock, may wait in
-/// its place.
-fn open_lock(path: &Path, device: Option<&Path>) -> io::Result<File> {
-    let mut options = File::options();
-    options.write(true);
-    // Not `create`: the kernel refuses it for the file of another user in /var/tmp.
-    let file = match fs::symlink_metadata(path) {
-        Err(cause) if cause.kind() == ErrorKind::NotFound => {
-            let file = options.create_new(true).open(path)?;
-            if let Some(device) = device {
-                let group = fs::metadata(device).map(|device| device.gid());
-                // Only a member of the group can give it to the group.
-                let _ = group.and_then(|group| {
-                    fchown(&file, None, Some(group))?;
-                    file.set_permissions(Permissions::from_mode(0o660))
-                });
-            }
-            file
-        }
-        Err(cause) => return Err(cause),
-        Ok(present) if present.is_file() => options.open(path)?,
-        Ok(_) => return Err(io::Error::other("it is a link, a folder or a device")),
-    };
-    let (opened, there) = (file.metadata()?, fs::symlink_metadata(path)?);
-    if (opened.dev(), opened.ino()) != (there.dev(), there.ino()) || opened.len() > MAX_LOCK {
-        return Err(io::Error::other("it is no lock of this program"));
-    }
-    Ok(file)
-}
-
-/// Longest lock file, bytes.
-const MAX_LOCK: u64 = 16;
-
-impl Drop for Lock {
-    fn drop(&mut self) {
-        if !self.killed {
-            // If that fails, the next run repairs what needs none.
-            let _ = self.file.set_len(0);
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::os::unix::fs::symlink;
-
-    #[test]
-    fn lock_is_shared_by_group_exclusive_and_no_link() {
-        let folder = tempfile::tempdir().unwrap();
-        let folder = folder.path();
-        let (path, device) = (folder.join("lock"), folder.join("device"));
-        fs::write(&device, "").unwrap();
-        let take = |path: &Path| Lock::take(path, Some(&device));
-        let held = take(&path).unwrap();
-        assert!(!held.killed);
-        assert_eq!(fs::metadata(&path).unwrap().mode() & 0o777, 0o660);
-        assert!(matches!(take(&path), Err(Error::Busy { .. })));
-        drop(held);
-        fs::write(&path, "held\n").unwrap();
-        assert!(take(&path).unwrap().killed);
-        fs::write(&device, "a letter, not a lock").unwrap();
-        let link = folder.join("link");
-        symlink(&device, &link).unwrap();
-        for wrong in [&link, &device, folder] {
-            assert!(
-                matches!(take(wrong), Err(Error::Unwritable { .. })),
-                "{wrong:?}"
-            );
-        }
-    }
 }

@@ -90,6 +90,11 @@ const GIVEN_START: [[f64; 3]; 3] = [[2500.0, 0.0, 0.0], [0.0, 2500.0, 0.0], [0.0
 pub fn go_to(goto: &Goto, map: &Path, context: Context<'_>) -> Result<(), Error> {
     let grid = mapping::load_map(map)?;
     let (target, body_mm) = (Point::new(goto.x, goto.y), context.board.body_radius);
+    if !GoTo::has_floor(&grid, target) {
+        let (map, x, y) = (map.display(), goto.x, goto.y);
+        let why = format!("{map} shows no free floor at x {x} mm, y {y} mm: choose a point on it");
+        return Err(Error::Usage(why));
+    }
     let start = goto.start.map(|start| PoseEstimate {
         pose: mapping::mapper_pose(start),
         covariance: GIVEN_START,

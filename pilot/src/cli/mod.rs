@@ -9,6 +9,7 @@ mod doctor;
 mod drive;
 mod eeprom;
 mod explore;
+mod lock;
 mod map;
 mod measuring_args;
 mod mode;

@@ -105,7 +105,7 @@ fn of_faults(report: &Snapshot) -> Exit {
 fn not_ready(io: &mut BoardIo, error: &Error) -> Result<(Summary, Exit), Error> {
     let hint = match settings::decode(&eeprom::read(io)?) {
         Ok(config) => format!(
-            "the EEPROM holds a good configuration of mode {}: the STM does not run, or could not read it",
+            "the EEPROM holds a good configuration of mode {}: the STM does not run, awaits 2.76 V, or could not read it",
             config.mode().name()
         ),
         Err(why) => why.to_string(),

@@ -1,17 +1,23 @@
 //! `stop` and `log`.
 
 use super::connection::{Context, interrupt};
+use super::lock;
 use super::output::Output;
 use host_link::error::{Error, Exit};
 use host_link::log::Lines;
 use host_link::uart::BOOT_BAUD;
 use pilot::serve::protocol::{Message, Request};
 use serde_json::json;
+use std::thread;
+use std::time::{Duration, Instant};
 
+/// Time for another process to stop the robot and end.
+const END: Duration = Duration::from_secs(5);
+const POLL: Duration = Duration::from_millis(50);
 /// Time between two looks at the log, microseconds.
 const LOOK_US: u32 = 20_000;
 
-/// Stops the robot.
+/// Stops the robot, whichever process drives it.
 pub fn run(context: Context<'_>) -> Result<(), Error> {
     let output = context.output;
     if let Some(mut client) = context.server()? {
@@ -25,6 +31,25 @@ pub fn run(context: Context<'_>) -> Result<(), Error> {
         let stopped = json!({ "stopped": true });
         return output.result(&stopped, || "stopped".into());
     }
+    let busy = match stop(context) {
+        Err(Error::Busy(_, Some(process))) => process,
+        outcome => return outcome,
+    };
+    // Its drive ends by a stop; the state is read once it is gone.
+    lock::end(busy)?;
+    let ends = Instant::now() + END;
+    loop {
+        thread::sleep(POLL);
+        match stop(context) {
+            Err(Error::Busy { .. }) if Instant::now() < ends => {}
+            outcome => return outcome,
+        }
+    }
+}
+
+/// Stops the robot that no other process uses.
+fn stop(context: Context<'_>) -> Result<(), Error> {
+    let output = context.output;
     context.with_own_board(|connection| {
         let mut session = context.open_session(&mut connection.io)?;
         session.wait_for_reply()?;

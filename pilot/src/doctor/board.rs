@@ -99,7 +99,7 @@ pub fn check(
         Ok(_) => findings.pass("READY", "high"),
         Err(Error::Interrupted) => return Err(Error::Interrupted),
         Err(error) => {
-            let advice = "read the UART log; check the STM's supply and flash the firmware";
+            let advice = "read the UART log; check the STM's supply (boot awaits 2.76 V), flash the firmware";
             findings.fail("READY", error.to_string(), advice);
             findings.skip(&AFTER_EEPROM[3..], "the STM is not ready");
             return Ok(None);

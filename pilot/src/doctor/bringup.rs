@@ -43,7 +43,7 @@ pub fn judge(log: &str, findings: &mut Findings) {
     let lines = Lines(log.lines().map(text).collect());
     let Some(boot) = lines.rest("bringup 1 after ") else {
         let advice = "flash it (`cargo xtask flash --bringup`), connect TX_STM (PA9) and ground, and set the port \
-                      to 115200 baud, 8N1";
+                      to 115200 baud, 8N1; below 2.76 V it waits";
         findings.fail("firmware", "no line of the bring-up firmware", advice);
         for checks in [
             &["crystal", "part", "brown-out reset", "supply"][..],

@@ -3,7 +3,7 @@
 use crate::mapping;
 use fw_core::eeprom::Config;
 use fw_core::wire::Field;
-use host_link::error::Error;
+use host_link::error::{Error, IN_EEPROM};
 use mapper::{LocaliserConfig, MotionNoise};
 
 /// The localiser's settings for a configuration and a body of this radius, mm.
@@ -41,7 +41,7 @@ pub fn navigator_config(config: &Config, body_mm: f64) -> Result<navigator::Conf
     ensure_velocity(config)?;
     if config.rangefinders() == 0 {
         let why = "rangefinders = 0, and a plan needs 1 to 3 to see its way";
-        return Err(Error::Rejected("in the EEPROM".into(), why.into()));
+        return Err(Error::Rejected(IN_EEPROM.into(), why.into()));
     }
     let half_track_mm = f64::from(config.track().0) / 2000.0;
     if half_track_mm > body_mm {

@@ -144,7 +144,8 @@ fn greet(
     token: Option<&str>,
 ) -> io::Result<String> {
     let line = transport.receive(unread, Some(Instant::now() + GREETING))?;
-    match Request::parse(&line.ok_or(ErrorKind::TimedOut)?) {
+    let late = || io::Error::other(format!("no `hello` came within {GREETING:?}"));
+    match Request::parse(&line.ok_or_else(late)?) {
         Ok(Request::Hello {
             name, token: shown, ..
         }) => {

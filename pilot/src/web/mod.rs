@@ -12,7 +12,7 @@ use host_link::error::Error;
 use http::Head;
 use socket::Socket;
 use std::fs;
-use std::io::{self, Write};
+use std::io::{self, ErrorKind, Write};
 use std::net::IpAddr;
 use std::os::unix::net::UnixStream;
 use std::sync::Arc;
@@ -52,7 +52,12 @@ pub fn serve(address: &str, token: &Arc<str>, hub: &Hub) -> Result<String, Error
 }
 
 fn answer(mut stream: UnixStream, port: &Port, token: &str) -> io::Result<()> {
-    let head = http::read_head(&stream)?;
+    let head = match http::read_head(&stream) {
+        Err(cause) if cause.kind() == ErrorKind::InvalidData => {
+            return refuse(stream, "400 Bad Request", "not a GET request of HTTP/1.1");
+        }
+        head => head?,
+    };
     if !is_own_host(&head, &own_name()) {
         return refuse(stream, "403 Forbidden", "unknown host");
     }
@@ -63,7 +68,11 @@ fn answer(mut stream: UnixStream, port: &Port, token: &str) -> io::Result<()> {
         };
     }
     let Some(key) = accepted_key(&head) else {
-        return refuse(stream, "403 Forbidden", "not a socket of this page");
+        return refuse(
+            stream,
+            "403 Forbidden",
+            "a socket is for this server's own page",
+        );
     };
     let accept = socket::accept_key(key);
     write!(
@@ -71,8 +80,9 @@ fn answer(mut stream: UnixStream, port: &Port, token: &str) -> io::Result<()> {
         "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n\
          Sec-WebSocket-Accept: {accept}\r\n\r\n"
     )?;
-    listener::serve(&Socket::new(stream), port, Some(token));
-    Ok(())
+    let socket = Socket::new(stream);
+    listener::serve(&socket, port, Some(token));
+    socket.close()
 }
 
 /// Whether the page was opened by an address of a computer or by this one's name: a foreign name that
@@ -155,8 +165,14 @@ mod tests {
         stream.set_read_timeout(Some(GREETING)).unwrap();
         let mut answer = Vec::new();
         let _ = stream.read_to_end(&mut answer);
+        assert!(answer.ends_with(&[0x88, 0]), "closed: {answer:?}");
         let answer = String::from_utf8_lossy(&answer);
         assert!(answer.contains("the token is wrong"), "{answer}");
+        let mut stream = TcpStream::connect(own).unwrap();
+        stream.write_all(b"POST / HTTP/1.1\r\n\r\n").unwrap();
+        let mut answer = String::new();
+        stream.read_to_string(&mut answer).unwrap();
+        assert!(answer.starts_with("HTTP/1.1 400 "), "{answer}");
     }
 
     // Requirement: SERVE-client-4

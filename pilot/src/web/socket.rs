@@ -13,6 +13,7 @@ const BASE64: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz
 const TEXT: u8 = 0x81;
 const PING: u8 = 0x89;
 const PONG: u8 = 0x8A;
+const CLOSE: u8 = 0x88;
 
 /// The answer to the key of a handshake: the SHA-1 in base 64 (section 4.2.2).
 pub fn accept_key(key: &str) -> String {
@@ -58,6 +59,19 @@ impl Socket {
         let _guard = self.writing.lock();
         (&self.stream).write_all(&frame)
     }
+
+    /// Ends the socket, as the peer expects before the connection goes (section 7.1.1).
+    ///
+    /// # Errors
+    /// The connection's.
+    pub fn close(&self) -> io::Result<()> {
+        self.write(CLOSE, &[])
+    }
+}
+
+fn refused() -> io::Error {
+    let what = format!("a message is one masked text frame of at most {MAX_LINE} bytes");
+    io::Error::other(what)
 }
 
 /// The first frame of the bytes, without its mask, and its length; none while it is not complete.
@@ -75,7 +89,7 @@ fn parse(bytes: &[u8]) -> io::Result<Option<(u8, Vec<u8>, usize)>> {
     };
     let whole = first & 0xF0 == 0x80 && second & 0x80 != 0;
     if !whole || second & 0x7F == 127 || length > MAX_LINE {
-        return Err(ErrorKind::InvalidData.into());
+        return Err(refused());
     }
     let Some((mask, rest)) = rest.split_first_chunk::<4>() else {
         return Ok(None);
@@ -103,8 +117,8 @@ impl Transport for Socket {
                 TEXT => return Ok(Some(payload)),
                 PING => self.write(PONG, &payload)?,
                 PONG => {}
-                // The peer closes.
-                _ => return Err(ErrorKind::UnexpectedEof.into()),
+                CLOSE => return Err(ErrorKind::UnexpectedEof.into()),
+                _ => return Err(refused()),
             }
         }
         Ok(None)

@@ -107,7 +107,7 @@ fn connection_without_a_valid_hello_gets_a_refusal() {
             "the token is wrong",
         ),
         (hello(""), Some("0123456789abcdef"), "the token is wrong"),
-        (vec![], None, "timed out"),
+        (vec![], None, "no `hello` came within 5s"),
     ] {
         let text = answer(&bytes, token);
         assert!(text.contains(reason) && text.lines().count() == 1, "{text}");
