@@ -49,7 +49,10 @@ fn holder(file: &File) -> Option<i32> {
     locks.lines().find_map(|line| {
         let words: Vec<_> = line.split_whitespace().collect();
         match words[..] {
-            [_, "FLOCK", _, _, process, of, ..] if of == id => process.parse().ok(),
+            // 0 is a process that this namespace does not show.
+            [_, "FLOCK", _, _, process, of, ..] if of == id => {
+                process.parse().ok().filter(|&id| id > 0)
+            }
             _ => None,
         }
     })
@@ -60,8 +63,7 @@ fn holder(file: &File) -> Option<i32> {
 /// # Errors
 /// [`Error::Device`].
 pub fn end(process: i32) -> Result<(), Error> {
-    let id = Pid::from_raw(process).filter(|_| process > 0);
-    let ended = id.map_or(Err(Errno::SRCH), |id| kill_process(id, Signal::INT));
+    let ended = Pid::from_raw(process).map_or(Err(Errno::SRCH), |id| kill_process(id, Signal::INT));
     ended.map_err(|cause| {
         let advice = "end it as its user, or as root";
         Error::device(format!("process {process}"), cause, advice)
